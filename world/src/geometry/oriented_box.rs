@@ -1,0 +1,60 @@
+//! The box that stands for a road user seen from above.
+
+use super::{Point, Pose};
+
+/// A rectangle in the plane with a heading; its direction is kept as a unit vector, so that tests need no trigonometry.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OrientedBox {
+    /// Centre (m).
+    pub center: Point,
+    /// Unit vector of the long axis, towards the front.
+    pub forward: Point,
+    /// Half the length (m).
+    pub half_length: f64,
+    /// Half the width (m).
+    pub half_width: f64,
+}
+
+impl OrientedBox {
+    /// The box of `length` by `width` (m) whose centre and heading are `pose`'s.
+    #[must_use]
+    pub fn new(pose: Pose, length: f64, width: f64) -> Self {
+        Self {
+            center: pose.position(),
+            forward: Point::unit(pose.heading),
+            half_length: 0.5 * length,
+            half_width: 0.5 * width,
+        }
+    }
+
+    /// Unit vector to the left.
+    #[must_use]
+    pub fn left(&self) -> Point {
+        Point::new(-self.forward.y, self.forward.x)
+    }
+
+    /// The corners, counter-clockwise from the front left: front left, rear left, rear right, front right.
+    #[must_use]
+    pub fn corners(&self) -> [Point; 4] {
+        let along = self.forward * self.half_length;
+        let across = self.left() * self.half_width;
+        [
+            self.center + along + across,
+            self.center - along + across,
+            self.center - along - across,
+            self.center + along - across,
+        ]
+    }
+
+    /// The middle of the front edge.
+    #[must_use]
+    pub fn front(&self) -> Point {
+        self.center + self.forward * self.half_length
+    }
+
+    /// Radius of the circle around the centre that holds the box (m).
+    #[must_use]
+    pub fn radius(&self) -> f64 {
+        (self.half_length * self.half_length + self.half_width * self.half_width).sqrt()
+    }
+}

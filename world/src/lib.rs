@@ -1,0 +1,19 @@
+//! The world that is driven in: scene, map, lane graph, route, reference line, Frenet frame, vehicle model, boxes.
+//!
+//! Pure: no IO, no async, no clock, no file format, no message, no metric. Every number is SI, angles are radians, headings
+//! counter-clockwise from +x in the log's frame.
+//!
+//! | module | what |
+//! | --- | --- |
+//! | [`geometry`] | points, poses, angles, oriented boxes, polylines |
+//! | [`scene`], [`map`], [`signal`] | one logged stretch of traffic, checked and immutable |
+//! | [`reference_line`] | the line to follow, and its window |
+//! | [`observation`], [`plan`] | what a driver is told and what it answers |
+
+pub mod geometry;
+pub mod map;
+pub mod observation;
+pub mod plan;
+pub mod reference_line;
+pub mod scene;
+pub mod signal;

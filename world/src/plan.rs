@@ -1,0 +1,267 @@
+//! Plans: where the AV wants to be in the next five seconds. And predictions: where the others may be.
+
+use thiserror::Error;
+
+use crate::geometry::Pose;
+use crate::scene::TrackId;
+
+/// Length of a step (s).
+pub const STEP_SECONDS: f64 = 0.1;
+
+/// Poses of a plan and of a predicted trajectory: 5 s.
+pub const PLAN_STEPS: usize = 50;
+
+/// One state of a plan, in the log's frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PlanState {
+    /// x (m).
+    pub x: f64,
+    /// y (m).
+    pub y: f64,
+    /// Heading (rad).
+    pub heading: f64,
+    /// Speed (m/s).
+    pub speed: f64,
+}
+
+/// One control of the bicycle model.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Control {
+    /// Acceleration (m/s^2).
+    pub acceleration: f64,
+    /// Angle of the front wheels (rad), positive to the left.
+    pub steering: f64,
+}
+
+/// Why a plan is what it is, in the planner's own words. Never the time it took: that would not repeat.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Diagnostics {
+    /// The objective's terms by name, in the planner's order.
+    pub objective: Vec<(String, f64)>,
+    /// Iterations used.
+    pub iterations: u32,
+    /// How the search ended.
+    pub status: String,
+}
+
+/// A plan as it came in. [`UncheckedPlan::check`] makes a [`Plan`] of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct UncheckedPlan {
+    /// The step of the observation that it answers.
+    pub step: u32,
+    /// States at 0.1 s, 0.2 s, ... 5.0 s after the observation.
+    pub states: Vec<PlanState>,
+    /// Controls of each of these steps, or none.
+    pub controls: Vec<Control>,
+    /// Why.
+    pub diagnostics: Diagnostics,
+}
+
+/// A plan that is whole: [`PLAN_STEPS`] finite states, and as many finite controls or none.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan(UncheckedPlan);
+
+/// What is wrong with a plan or a prediction from outside.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum AnswerError {
+    /// It answers another step.
+    #[error("it answers step {got}, but step {expected} was asked for")]
+    WrongStep {
+        /// The step asked for.
+        expected: u32,
+        /// The step answered.
+        got: u32,
+    },
+    /// It is too short or too long.
+    #[error("it has {got} {what}, but {expected} are needed")]
+    WrongLength {
+        /// Of what.
+        what: &'static str,
+        /// As many as needed.
+        expected: usize,
+        /// As many as came.
+        got: usize,
+    },
+    /// A number is infinite or not a number.
+    #[error("{what} {index} is not finite")]
+    NotFinite {
+        /// Of what.
+        what: &'static str,
+        /// Which one, from 0.
+        index: usize,
+    },
+    /// A probability is outside [0, 1], or they do not sum to 1.
+    #[error("the probabilities are not a distribution: they sum to {sum}")]
+    Probabilities {
+        /// Their sum, as text.
+        sum: String,
+    },
+}
+
+impl UncheckedPlan {
+    /// The plan, if it answers `step` and is whole.
+    ///
+    /// # Errors
+    /// [`AnswerError`] names the first thing that is wrong.
+    pub fn check(self, step: u32) -> Result<Plan, AnswerError> {
+        check_step(step, self.step)?;
+        check_length("states", PLAN_STEPS, self.states.len())?;
+        if !self.controls.is_empty() {
+            check_length("controls", PLAN_STEPS, self.controls.len())?;
+        }
+        let finite = |s: &PlanState| [s.x, s.y, s.heading, s.speed].iter().all(|v| v.is_finite());
+        check_finite("state", self.states.iter().position(|s| !finite(s)))?;
+        let finite = |c: &Control| c.acceleration.is_finite() && c.steering.is_finite();
+        check_finite("control", self.controls.iter().position(|c| !finite(c)))?;
+        Ok(Plan(self))
+    }
+}
+
+impl Plan {
+    /// The step that it answers.
+    #[must_use]
+    pub fn step(&self) -> u32 {
+        self.0.step
+    }
+
+    /// The [`PLAN_STEPS`] states; state `k` is wanted `k + 1` steps after the observation.
+    #[must_use]
+    pub fn states(&self) -> &[PlanState] {
+        &self.0.states
+    }
+
+    /// The [`PLAN_STEPS`] controls, if the planner thinks in controls.
+    #[must_use]
+    pub fn controls(&self) -> Option<&[Control]> {
+        (!self.0.controls.is_empty()).then_some(&self.0.controls)
+    }
+
+    /// Why.
+    #[must_use]
+    pub fn diagnostics(&self) -> &Diagnostics {
+        &self.0.diagnostics
+    }
+
+    /// The plan without its guarantee, to be sent or changed.
+    #[must_use]
+    pub fn into_unchecked(self) -> UncheckedPlan {
+        self.0
+    }
+}
+
+/// Where one agent is expected.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PredictedTrajectory {
+    /// Which track.
+    pub track: TrackId,
+    /// Poses at 0.1 s, 0.2 s, ... 5.0 s after the observation, in the log's frame.
+    pub poses: Vec<Pose>,
+}
+
+/// One joint future of all agents.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Future {
+    /// Its probability.
+    pub probability: f64,
+    /// The agents' trajectories.
+    pub trajectories: Vec<PredictedTrajectory>,
+}
+
+/// A prediction as it came in. [`UncheckedPrediction::check`] makes a [`Prediction`] of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct UncheckedPrediction {
+    /// The step of the observation that it answers.
+    pub step: u32,
+    /// The futures.
+    pub futures: Vec<Future>,
+    /// Controls that a planner may start its search from, [`PLAN_STEPS`] or none.
+    pub initial_controls: Vec<Control>,
+    /// Weights of the planner's cost terms, or none.
+    pub cost_weights: Vec<f64>,
+}
+
+/// A prediction that is whole: every trajectory has [`PLAN_STEPS`] finite poses, probabilities sum to 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prediction(UncheckedPrediction);
+
+impl UncheckedPrediction {
+    /// The prediction, if it answers `step` and is whole. No future at all is allowed: nobody to predict.
+    ///
+    /// # Errors
+    /// [`AnswerError`] names the first thing that is wrong.
+    pub fn check(self, step: u32) -> Result<Prediction, AnswerError> {
+        check_step(step, self.step)?;
+        for trajectory in self.futures.iter().flat_map(|future| &future.trajectories) {
+            check_length("poses", PLAN_STEPS, trajectory.poses.len())?;
+            let finite = |p: &Pose| p.x.is_finite() && p.y.is_finite() && p.heading.is_finite();
+            check_finite("pose", trajectory.poses.iter().position(|p| !finite(p)))?;
+        }
+        if !self.futures.is_empty() {
+            let sum: f64 = self.futures.iter().map(|future| future.probability).sum();
+            let in_range = |future: &Future| (0.0..=1.0).contains(&future.probability);
+            // Networks answer in f32: their softmax misses 1 by a few of its digits.
+            if !self.futures.iter().all(in_range) || (sum - 1.0).abs() > 1e-3 {
+                return Err(AnswerError::Probabilities { sum: sum.to_string() });
+            }
+        }
+        if !self.initial_controls.is_empty() {
+            check_length("initial controls", PLAN_STEPS, self.initial_controls.len())?;
+        }
+        let finite = |c: &Control| c.acceleration.is_finite() && c.steering.is_finite();
+        check_finite("initial control", self.initial_controls.iter().position(|c| !finite(c)))?;
+        check_finite("cost weight", self.cost_weights.iter().position(|w| !w.is_finite()))?;
+        Ok(Prediction(self))
+    }
+}
+
+impl Prediction {
+    /// The step that it answers.
+    #[must_use]
+    pub fn step(&self) -> u32 {
+        self.0.step
+    }
+
+    /// The futures.
+    #[must_use]
+    pub fn futures(&self) -> &[Future] {
+        &self.0.futures
+    }
+
+    /// The future with the highest probability; the first of equals.
+    #[must_use]
+    pub fn most_likely(&self) -> Option<&Future> {
+        let mut futures = self.0.futures.iter();
+        let first = futures.next()?;
+        Some(futures.fold(first, |best, f| if f.probability > best.probability { f } else { best }))
+    }
+
+    /// Controls that a planner may start its search from.
+    #[must_use]
+    pub fn initial_controls(&self) -> Option<&[Control]> {
+        (!self.0.initial_controls.is_empty()).then_some(&self.0.initial_controls)
+    }
+
+    /// Weights of the planner's cost terms.
+    #[must_use]
+    pub fn cost_weights(&self) -> Option<&[f64]> {
+        (!self.0.cost_weights.is_empty()).then_some(&self.0.cost_weights)
+    }
+
+    /// The prediction without its guarantee, to be sent or changed.
+    #[must_use]
+    pub fn into_unchecked(self) -> UncheckedPrediction {
+        self.0
+    }
+}
+
+fn check_step(expected: u32, got: u32) -> Result<(), AnswerError> {
+    if expected == got { Ok(()) } else { Err(AnswerError::WrongStep { expected, got }) }
+}
+
+fn check_length(what: &'static str, expected: usize, got: usize) -> Result<(), AnswerError> {
+    if expected == got { Ok(()) } else { Err(AnswerError::WrongLength { what, expected, got }) }
+}
+
+fn check_finite(what: &'static str, bad: Option<usize>) -> Result<(), AnswerError> {
+    bad.map_or(Ok(()), |index| Err(AnswerError::NotFinite { what, index }))
+}

@@ -1,0 +1,48 @@
+//! The reference line: the smooth line along the route that the AV is to follow, sampled every 0.1 m, and the window of it
+//! that a step sees.
+
+use std::sync::Arc;
+
+
+/// Distance between two samples along the line (m).
+pub const SAMPLE_SPACING: f64 = 0.1;
+
+/// Samples of a window: 20 m behind the AV and 100 m ahead.
+pub const WINDOW_SAMPLES: usize = 1200;
+
+/// Samples of a window that lie behind the AV.
+pub const SAMPLES_BEHIND: usize = 200;
+
+/// The line, a column for each quantity, all of the same length.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ReferenceLine {
+    /// x (m).
+    pub x: Vec<f64>,
+    /// y (m).
+    pub y: Vec<f64>,
+    /// Height of the ground (m), from the lanes.
+    pub z: Vec<f64>,
+    /// Heading (rad).
+    pub heading: Vec<f64>,
+    /// Curvature (1/m), positive to the left.
+    pub curvature: Vec<f64>,
+    /// Speed limit (m/s); 0 where it is not known.
+    pub speed_limit: Vec<f64>,
+    /// Whether the sample lies on a crosswalk.
+    pub crosswalk: Vec<bool>,
+}
+
+/// A line's stretch around the AV at a step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReferenceWindow {
+    /// The line, or on a node's side the stretch of it that was sent.
+    pub line: Arc<ReferenceLine>,
+    /// First sample of the window in `line`.
+    pub start: usize,
+    /// Samples from `start` on; at most [`WINDOW_SAMPLES`], fewer near the end of the line.
+    pub samples: usize,
+    /// Number of the first sample in the whole line, for the station: equal to `start` in the simulator.
+    pub first_sample: usize,
+    /// Samples (counted from the window's first) at which a red signal's stop point lies on the line at this step.
+    pub red_stops: Vec<u32>,
+}

@@ -1,0 +1,549 @@
+//! Scenes: one logged stretch of traffic, checked and immutable.
+//!
+//! A reader of any format fills [`SceneParts`]; [`SceneParts::check`] makes a [`Scene`] of it, or says why not. What a scene
+//! can do without is dropped and reported as a [`Finding`]; what it cannot do without is a [`SceneError`].
+
+use std::collections::BTreeSet;
+use std::fmt;
+use std::sync::Arc;
+
+use thiserror::Error;
+
+use crate::geometry::{OrientedBox, Point, Point3, Pose};
+use crate::map::{Lane, Map, MapId};
+use crate::signal::Signal;
+
+/// The name of a scene: 1 to 128 of `A-Z a-z 0-9 _ . -`, not beginning with a dot; so it is a file name and a bus key as it is.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct SceneId(String);
+
+impl SceneId {
+    /// The id, if `text` can be one.
+    ///
+    /// # Errors
+    /// [`SceneError::BadId`].
+    pub fn new(text: impl Into<String>) -> Result<Self, SceneError> {
+        let text = text.into();
+        let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '.' | '-');
+        if text.is_empty() || text.len() > 128 || text.starts_with('.') || !text.chars().all(allowed) {
+            return Err(SceneError::BadId(text.chars().take(140).collect()));
+        }
+        Ok(Self(text))
+    }
+
+    /// The id as text.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl fmt::Display for SceneId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(&self.0)
+    }
+}
+
+/// The number of a track, unique in its scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct TrackId(pub i32);
+
+impl fmt::Display for TrackId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// What a road user is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum AgentKind {
+    /// A car, truck, bus or motorcycle.
+    Vehicle,
+    /// Somebody on foot.
+    Pedestrian,
+    /// Somebody on a bicycle.
+    Cyclist,
+    /// Anything else, and what is not said.
+    #[default]
+    Other,
+}
+
+impl fmt::Display for AgentKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Vehicle => "vehicle",
+            Self::Pedestrian => "pedestrian",
+            Self::Cyclist => "cyclist",
+            Self::Other => "other",
+        })
+    }
+}
+
+/// A road user at one step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AgentState {
+    /// Centre of the box, x (m).
+    pub x: f64,
+    /// Centre of the box, y (m).
+    pub y: f64,
+    /// Centre of the box, z (m); not the ground.
+    pub z: f64,
+    /// Direction of the front (rad); continuous over a track rather than wrapped.
+    pub heading: f64,
+    /// Velocity along the log's x axis (m/s).
+    pub velocity_x: f64,
+    /// Velocity along the log's y axis (m/s).
+    pub velocity_y: f64,
+    /// Length of the box (m).
+    pub length: f64,
+    /// Width of the box (m).
+    pub width: f64,
+    /// Height of the box (m).
+    pub height: f64,
+}
+
+impl AgentState {
+    /// Place and heading.
+    #[must_use]
+    pub fn pose(&self) -> Pose {
+        Pose::new(self.x, self.y, self.heading)
+    }
+
+    /// Place.
+    #[must_use]
+    pub fn position(&self) -> Point {
+        Point::new(self.x, self.y)
+    }
+
+    /// Velocity (m/s).
+    #[must_use]
+    pub fn velocity(&self) -> Point {
+        Point::new(self.velocity_x, self.velocity_y)
+    }
+
+    /// Speed (m/s), never negative.
+    #[must_use]
+    pub fn speed(&self) -> f64 {
+        self.velocity().norm()
+    }
+
+    /// The box seen from above.
+    #[must_use]
+    pub fn oriented_box(&self) -> OrientedBox {
+        OrientedBox::new(self.pose(), self.length, self.width)
+    }
+
+    fn is_usable(&self) -> bool {
+        let numbers = [self.x, self.y, self.z, self.heading, self.velocity_x, self.velocity_y];
+        let sizes = [self.length, self.width, self.height];
+        // 1e7 m is past any map; beyond it squares of distances lose their millimetres.
+        numbers.iter().all(|v| v.is_finite() && v.abs() <= 1e7)
+            && sizes.iter().all(|v| (0.0..=1e3).contains(v))
+    }
+}
+
+/// A logged road user over time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Track {
+    /// Its number.
+    pub id: TrackId,
+    /// What it is.
+    pub kind: AgentKind,
+    /// Its state at each step; `None` where it was not seen.
+    pub states: Vec<Option<AgentState>>,
+}
+
+/// How hard a track is to predict, by the data set's word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TrackToPredict {
+    /// Place in [`SceneParts::tracks`].
+    pub track_index: usize,
+    /// 0 not said, 1 or 2.
+    pub difficulty: i32,
+}
+
+/// A scene as a reader found it, unchecked.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneParts {
+    /// Its name.
+    pub id: String,
+    /// Time of each step (s); nominally 0.1 s apart.
+    pub timestamps: Vec<f64>,
+    /// All road users, the AV among them.
+    pub tracks: Vec<Track>,
+    /// Place of the AV in `tracks`.
+    pub av_index: usize,
+    /// What signals show at each step; as long as `timestamps`, or empty.
+    pub signals: Vec<Vec<Signal>>,
+    /// The map.
+    pub map: Map,
+    /// Last step of the history in prediction tasks; meaningless in 20 s scenes.
+    pub current_time_index: usize,
+    /// Tracks that interact.
+    pub objects_of_interest: Vec<TrackId>,
+    /// Tracks that a prediction task asks for.
+    pub tracks_to_predict: Vec<TrackToPredict>,
+}
+
+/// A scene that holds what its type promises: at least one step, every track as long as the scene, every number finite,
+/// ids unique, the AV among the tracks, links between lanes whole.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    id: SceneId,
+    parts: SceneParts,
+    map: Arc<Map>,
+}
+
+/// Why a scene cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum SceneError {
+    #[error("scene id {0:?} is not 1 to 128 of A-Z a-z 0-9 _ . - beginning with something but a dot")]
+    BadId(String),
+    #[error("it has no steps: no timestamps are given")]
+    NoSteps,
+    #[error("it has no tracks")]
+    NoTracks,
+    #[error("the AV's index is {index}, but there are {tracks} tracks")]
+    AvIndex { index: i64, tracks: usize },
+    #[error("track {track} has {states} states, but the scene has {steps} steps")]
+    TrackLength { track: TrackId, states: usize, steps: usize },
+    #[error("two tracks have the id {0}")]
+    DuplicateTrack(TrackId),
+    #[error("the AV (track {0}) is valid at no step")]
+    AvNeverValid(TrackId),
+    #[error("timestamp {step} is not finite")]
+    Timestamp { step: usize },
+    #[error("signals are given for {signals} steps, but the scene has {steps}")]
+    SignalLength { signals: usize, steps: usize },
+}
+
+/// Something odd in a scene that can still be used; what was done about it is part of the text.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum Finding {
+    #[error("track {track} is valid at no step")]
+    EmptyTrack { track: TrackId },
+    #[error("track {track} has an unusable state at step {step} (not finite, or out of range): taken as not valid")]
+    BadState { track: TrackId, step: usize },
+    #[error("the AV is not valid at {missing} of {steps} steps, first at step {first}")]
+    AvGaps { missing: usize, steps: usize, first: usize },
+    #[error("lane {lane} names lane {missing}, which is not in the map: link dropped")]
+    DanglingLane { lane: MapId, missing: MapId },
+    #[error("lane {lane} names boundary {missing}, which is not in the map: boundary dropped")]
+    DanglingBoundary { lane: MapId, missing: MapId },
+    #[error("stop sign {sign} names lane {missing}, which is not in the map: link dropped")]
+    DanglingStopSign { sign: MapId, missing: MapId },
+    #[error("lane {from} leads to lane {to}, but {to} does not name {from} as its entry")]
+    OneWayLink { from: MapId, to: MapId },
+    #[error("a signal is given for lane {lane}, which is not in the map (first at step {step}): kept, its stop point counts")]
+    SignalWithoutLane { lane: MapId, step: usize },
+    #[error("a signal of lane {lane} at step {step} has an unusable stop point: dropped")]
+    BadSignal { lane: MapId, step: usize },
+    #[error("map feature {0} has an unusable point (not finite, or out of range) or no point: dropped")]
+    BadFeature(MapId),
+    #[error("two map features have the id {0}: the later one dropped")]
+    DuplicateFeature(MapId),
+    #[error("lane {0} has a single point")]
+    OnePointLane(MapId),
+    #[error("lane {lane} has the speed limit {text} mph, which cannot be: taken as not known")]
+    BadSpeedLimit { lane: MapId, text: String },
+    #[error("the time goes back at step {step}: steps are taken as 0.1 s")]
+    TimeGoesBack { step: usize },
+    #[error("object of interest {0} is not a track: dropped")]
+    UnknownObjectOfInterest(TrackId),
+    #[error("track to predict {index} is not a track's place: dropped")]
+    UnknownTrackToPredict { index: i64 },
+    #[error("current_time_index {index} is past the end: taken as the last step")]
+    CurrentTimeIndex { index: i64 },
+}
+
+impl SceneParts {
+    /// The scene, and what was found odd and mended.
+    ///
+    /// # Errors
+    /// [`SceneError`] where nothing sensible can be made of it.
+    pub fn check(mut self) -> Result<(Scene, Vec<Finding>), SceneError> {
+        let id = SceneId::new(std::mem::take(&mut self.id))?;
+        let mut findings = Vec::new();
+        self.check_time(&mut findings)?;
+        self.check_tracks(&mut findings)?;
+        self.check_map(&mut findings);
+        self.check_signals(&mut findings)?;
+        self.check_tasks(&mut findings);
+        let map = Arc::new(std::mem::take(&mut self.map));
+        Ok((Scene { id, parts: self, map }, findings))
+    }
+
+    fn check_time(&mut self, findings: &mut Vec<Finding>) -> Result<(), SceneError> {
+        if self.timestamps.is_empty() {
+            return Err(SceneError::NoSteps);
+        }
+        if let Some(step) = self.timestamps.iter().position(|t| !t.is_finite()) {
+            return Err(SceneError::Timestamp { step });
+        }
+        if let Some(step) = self.timestamps.windows(2).position(|pair| pair[1] < pair[0]) {
+            findings.push(Finding::TimeGoesBack { step: step + 1 });
+        }
+        if self.current_time_index >= self.timestamps.len() {
+            findings.push(Finding::CurrentTimeIndex { index: self.current_time_index as i64 });
+            self.current_time_index = self.timestamps.len() - 1;
+        }
+        Ok(())
+    }
+
+    fn check_tracks(&mut self, findings: &mut Vec<Finding>) -> Result<(), SceneError> {
+        let steps = self.timestamps.len();
+        if self.tracks.is_empty() {
+            return Err(SceneError::NoTracks);
+        }
+        if self.av_index >= self.tracks.len() {
+            return Err(SceneError::AvIndex { index: self.av_index as i64, tracks: self.tracks.len() });
+        }
+        let mut seen = BTreeSet::new();
+        for track in &mut self.tracks {
+            if !seen.insert(track.id) {
+                return Err(SceneError::DuplicateTrack(track.id));
+            }
+            if track.states.len() != steps {
+                return Err(SceneError::TrackLength { track: track.id, states: track.states.len(), steps });
+            }
+            for (step, state) in track.states.iter_mut().enumerate() {
+                if state.is_some_and(|state| !state.is_usable()) {
+                    findings.push(Finding::BadState { track: track.id, step });
+                    *state = None;
+                }
+            }
+            if track.states.iter().all(Option::is_none) {
+                findings.push(Finding::EmptyTrack { track: track.id });
+            }
+        }
+        let av = &self.tracks[self.av_index];
+        let missing = av.states.iter().filter(|state| state.is_none()).count();
+        if missing == steps {
+            return Err(SceneError::AvNeverValid(av.id));
+        }
+        if let Some(first) = av.states.iter().position(Option::is_none) {
+            findings.push(Finding::AvGaps { missing, steps, first });
+        }
+        Ok(())
+    }
+
+    fn check_map(&mut self, findings: &mut Vec<Finding>) {
+        let map = &mut self.map;
+        let mut seen = BTreeSet::new();
+        let mut keep = |id: MapId, points: &[Point3]| {
+            let usable = |v: f64| v.is_finite() && v.abs() <= 1e7;
+            if points.is_empty() || !points.iter().all(|p| usable(p.x) && usable(p.y) && usable(p.z)) {
+                findings.push(Finding::BadFeature(id));
+                return false;
+            }
+            if !seen.insert(id) {
+                findings.push(Finding::DuplicateFeature(id));
+                return false;
+            }
+            true
+        };
+        map.lanes.retain(|lane| keep(lane.id, &lane.centerline));
+        map.road_lines.retain(|line| keep(line.id, &line.polyline));
+        map.road_edges.retain(|edge| keep(edge.id, &edge.polyline));
+        map.stop_signs.retain(|sign| keep(sign.id, &[sign.position]));
+        map.crosswalks.retain(|area| keep(area.id, &area.polygon));
+        map.speed_bumps.retain(|area| keep(area.id, &area.polygon));
+        map.driveways.retain(|area| keep(area.id, &area.polygon));
+
+        let lanes: BTreeSet<MapId> = map.lanes.iter().map(|lane| lane.id).collect();
+        let edges = map.road_edges.iter().map(|edge| edge.id);
+        let bounds: BTreeSet<MapId> = map.road_lines.iter().map(|line| line.id).chain(edges).collect();
+        for lane in &mut map.lanes {
+            check_lane(lane, &lanes, &bounds, findings);
+        }
+        let entries: BTreeSet<(MapId, MapId)> =
+            map.lanes.iter().flat_map(|lane| lane.entries.iter().map(|entry| (*entry, lane.id))).collect();
+        for lane in &map.lanes {
+            let one_way = lane.exits.iter().filter(|exit| !entries.contains(&(lane.id, **exit)));
+            findings.extend(one_way.map(|exit| Finding::OneWayLink { from: lane.id, to: *exit }));
+        }
+        for sign in &mut map.stop_signs {
+            let id = sign.id;
+            retain_known(&mut sign.lanes, &lanes, |missing| {
+                findings.push(Finding::DanglingStopSign { sign: id, missing });
+            });
+        }
+    }
+
+    fn check_signals(&mut self, findings: &mut Vec<Finding>) -> Result<(), SceneError> {
+        let steps = self.timestamps.len();
+        if self.signals.is_empty() {
+            self.signals = vec![Vec::new(); steps];
+        }
+        if self.signals.len() != steps {
+            return Err(SceneError::SignalLength { signals: self.signals.len(), steps });
+        }
+        let lanes: BTreeSet<MapId> = self.map.lanes.iter().map(|lane| lane.id).collect();
+        let mut reported = BTreeSet::new();
+        for (step, signals) in self.signals.iter_mut().enumerate() {
+            signals.retain(|signal| {
+                let point = signal.stop_point;
+                let usable = [point.x, point.y, point.z].iter().all(|v| v.is_finite() && v.abs() <= 1e7);
+                if !usable {
+                    findings.push(Finding::BadSignal { lane: signal.lane, step });
+                }
+                usable
+            });
+            for signal in signals.iter().filter(|signal| !lanes.contains(&signal.lane)) {
+                if reported.insert(signal.lane) {
+                    findings.push(Finding::SignalWithoutLane { lane: signal.lane, step });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn check_tasks(&mut self, findings: &mut Vec<Finding>) {
+        let ids: BTreeSet<TrackId> = self.tracks.iter().map(|track| track.id).collect();
+        self.objects_of_interest.retain(|id| {
+            let known = ids.contains(id);
+            if !known {
+                findings.push(Finding::UnknownObjectOfInterest(*id));
+            }
+            known
+        });
+        self.tracks_to_predict.retain(|task| {
+            let known = task.track_index < self.tracks.len();
+            if !known {
+                findings.push(Finding::UnknownTrackToPredict { index: task.track_index as i64 });
+            }
+            known
+        });
+    }
+}
+
+fn check_lane(lane: &mut Lane, lanes: &BTreeSet<MapId>, bounds: &BTreeSet<MapId>, findings: &mut Vec<Finding>) {
+    let id = lane.id;
+    if lane.centerline.len() == 1 {
+        findings.push(Finding::OnePointLane(id));
+    }
+    if !(0.0..=200.0).contains(&lane.speed_limit_mph) {
+        findings.push(Finding::BadSpeedLimit { lane: id, text: lane.speed_limit_mph.to_string() });
+        lane.speed_limit_mph = 0.0;
+    }
+    for links in [&mut lane.entries, &mut lane.exits] {
+        retain_known(links, lanes, |missing| findings.push(Finding::DanglingLane { lane: id, missing }));
+    }
+    let points = lane.centerline.len();
+    let mut check_boundaries = |segments: &mut Vec<crate::map::BoundarySegment>| {
+        segments.retain(|segment| {
+            let none = segment.feature == MapId(0) && !bounds.contains(&MapId(0));
+            let in_range = |index: i32| usize::try_from(index).is_ok_and(|index| index < points);
+            let known = none || bounds.contains(&segment.feature);
+            let whole = known && in_range(segment.lane_start_index) && in_range(segment.lane_end_index);
+            if !whole {
+                findings.push(Finding::DanglingBoundary { lane: id, missing: segment.feature });
+            }
+            whole
+        });
+    };
+    check_boundaries(&mut lane.left_boundaries);
+    check_boundaries(&mut lane.right_boundaries);
+    for neighbor in lane.left_neighbors.iter_mut().chain(&mut lane.right_neighbors) {
+        check_boundaries(&mut neighbor.boundaries);
+    }
+    for neighbors in [&mut lane.left_neighbors, &mut lane.right_neighbors] {
+        neighbors.retain(|neighbor| {
+            let known = lanes.contains(&neighbor.lane);
+            if !known {
+                findings.push(Finding::DanglingLane { lane: id, missing: neighbor.lane });
+            }
+            known
+        });
+    }
+}
+
+fn retain_known(links: &mut Vec<MapId>, known: &BTreeSet<MapId>, mut missing: impl FnMut(MapId)) {
+    links.retain(|link| {
+        let is_known = known.contains(link);
+        if !is_known {
+            missing(*link);
+        }
+        is_known
+    });
+}
+
+impl Scene {
+    /// Its name.
+    #[must_use]
+    pub fn id(&self) -> &SceneId {
+        &self.id
+    }
+
+    /// Number of steps.
+    #[must_use]
+    pub fn steps(&self) -> usize {
+        self.parts.timestamps.len()
+    }
+
+    /// Time of each step (s), as logged. The simulation counts in steps of 0.1 s whatever these say.
+    #[must_use]
+    pub fn timestamps(&self) -> &[f64] {
+        &self.parts.timestamps
+    }
+
+    /// All tracks, the AV's among them, in the file's order.
+    #[must_use]
+    pub fn tracks(&self) -> &[Track] {
+        &self.parts.tracks
+    }
+
+    /// Place of the AV in [`Scene::tracks`].
+    #[must_use]
+    pub fn av_index(&self) -> usize {
+        self.parts.av_index
+    }
+
+    /// The logged AV: "the human".
+    #[must_use]
+    pub fn av(&self) -> &Track {
+        &self.parts.tracks[self.parts.av_index]
+    }
+
+    /// What signals show at `step`; nothing past the end.
+    #[must_use]
+    pub fn signals(&self, step: usize) -> &[Signal] {
+        self.parts.signals.get(step).map_or(&[], Vec::as_slice)
+    }
+
+    /// The map.
+    #[must_use]
+    pub fn map(&self) -> &Arc<Map> {
+        &self.map
+    }
+
+    /// Last step of the history in prediction tasks.
+    #[must_use]
+    pub fn current_time_index(&self) -> usize {
+        self.parts.current_time_index
+    }
+
+    /// Tracks that interact.
+    #[must_use]
+    pub fn objects_of_interest(&self) -> &[TrackId] {
+        &self.parts.objects_of_interest
+    }
+
+    /// Tracks that a prediction task asks for.
+    #[must_use]
+    pub fn tracks_to_predict(&self) -> &[TrackToPredict] {
+        &self.parts.tracks_to_predict
+    }
+
+    /// The parts again, to be changed and checked anew.
+    #[must_use]
+    pub fn into_parts(self) -> SceneParts {
+        SceneParts {
+            id: self.id.0,
+            map: Arc::unwrap_or_clone(self.map),
+            ..self.parts
+        }
+    }
+}
