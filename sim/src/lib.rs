@@ -1,0 +1,23 @@
+//! The simulator: episodes, their protocol and judges, metrics, and the run over many of them.
+//!
+//! ```text
+//! scene ──▶ Episode::observe ──▶ observation ──▶ driver
+//!                  ▲                               │
+//!            Episode::advance ◀────── plan ◀───────┘
+//!                  │
+//!                judges ──▶ step record, events ──▶ metrics
+//! ```
+//!
+//! | module | what |
+//! | --- | --- |
+//! | [`protocol`] | the rules of an episode, as settings |
+//! | [`episode`] | one drive through one scene: pure, no clock, no bus, no files |
+//! | [`tracker`] | from a plan's states to the control that is driven |
+//! | [`judges`] | what is wrong at a step: collision, route, road, signals, direction, speed |
+//! | [`metrics`] | what a drive was worth, by name and unit |
+
+pub mod episode;
+pub mod judges;
+pub mod metrics;
+pub mod protocol;
+pub mod tracker;

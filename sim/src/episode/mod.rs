@@ -1,0 +1,1 @@
+//! One drive through one scene.
