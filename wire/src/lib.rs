@@ -1,0 +1,28 @@
+//! What travels between the simulator, its nodes and the recorder, and how: messages, keys, sessions.
+//!
+//! No planner lives here, and no file is read or written.
+//!
+//! | module | what |
+//! | --- | --- |
+//! | [`proto`] | the messages as prost makes them of `proto/reloop.proto` |
+
+pub mod proto;
+
+/// The version of messages, keys and their order. A node of another version is refused; raise it with every change that an
+/// older node would misread.
+pub const WIRE_VERSION: u32 = 1;
+
+/// `proto/reloop.proto`, compiled: the schema of every message, as recordings carry it (a serialized `FileDescriptorSet`).
+pub const FILE_DESCRIPTOR_SET: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/descriptors.bin"));
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_descriptor_set_names_every_message() {
+        let text = String::from_utf8_lossy(super::FILE_DESCRIPTOR_SET);
+        assert!(text.contains("reloop.v1"));
+        for name in ["Scene", "Observation", "Prediction", "Plan", "StepRecord", "Event", "EpisodeEnd", "RunInfo", "Recorded"] {
+            assert!(text.contains(name), "{name}");
+        }
+    }
+}
