@@ -3,7 +3,6 @@
 
 use std::sync::Arc;
 
-
 /// Distance between two samples along the line (m).
 pub const SAMPLE_SPACING: f64 = 0.1;
 

@@ -137,8 +137,7 @@ impl AgentState {
         let numbers = [self.x, self.y, self.z, self.heading, self.velocity_x, self.velocity_y];
         let sizes = [self.length, self.width, self.height];
         // 1e7 m is past any map; beyond it squares of distances lose their millimetres.
-        numbers.iter().all(|v| v.is_finite() && v.abs() <= 1e7)
-            && sizes.iter().all(|v| (0.0..=1e3).contains(v))
+        numbers.iter().all(|v| v.is_finite() && v.abs() <= 1e7) && sizes.iter().all(|v| (0.0..=1e3).contains(v))
     }
 }
 
@@ -236,7 +235,9 @@ pub enum Finding {
     DanglingStopSign { sign: MapId, missing: MapId },
     #[error("lane {from} leads to lane {to}, but {to} does not name {from} as its entry")]
     OneWayLink { from: MapId, to: MapId },
-    #[error("a signal is given for lane {lane}, which is not in the map (first at step {step}): kept, its stop point counts")]
+    #[error(
+        "a signal is given for lane {lane}, which is not in the map (first at step {step}): kept, its stop point counts"
+    )]
     SignalWithoutLane { lane: MapId, step: usize },
     #[error("a signal of lane {lane} at step {step} has an unusable stop point: dropped")]
     BadSignal { lane: MapId, step: usize },
@@ -540,10 +541,6 @@ impl Scene {
     /// The parts again, to be changed and checked anew.
     #[must_use]
     pub fn into_parts(self) -> SceneParts {
-        SceneParts {
-            id: self.id.0,
-            map: Arc::unwrap_or_clone(self.map),
-            ..self.parts
-        }
+        SceneParts { id: self.id.0, map: Arc::unwrap_or_clone(self.map), ..self.parts }
     }
 }
