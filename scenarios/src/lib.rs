@@ -1,0 +1,16 @@
+//! Where scenes come from: files of the Waymo Open Motion Dataset (WOMD), generated families, and sets of both.
+//!
+//! ```text
+//! inputs ──▶ SceneSet ──▶ tfrecord (frames, checksums) ──▶ womd (protobuf) ──▶ world::scene (the one check) ──▶ Scene
+//! generated ──▶ womd::write ──────────▲
+//! ```
+//!
+//! Readers are without IO at their core, take hostile bytes, and name file, record and offset in every error.
+
+mod error;
+mod set;
+pub mod tfrecord;
+pub mod womd;
+
+pub use error::{RecordError, RecordProblem, SetError};
+pub use set::{SceneEntry, SceneSet, SetFile, Source, TomlProblem};

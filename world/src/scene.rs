@@ -3,7 +3,7 @@
 //! A reader of any format fills [`SceneParts`]; [`SceneParts::check`] makes a [`Scene`] of it, or says why not. What a scene
 //! can do without is dropped and reported as a [`Finding`]; what it cannot do without is a [`SceneError`].
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::sync::Arc;
 
@@ -233,6 +233,8 @@ pub enum Finding {
     DanglingBoundary { lane: MapId, missing: MapId },
     #[error("stop sign {sign} names lane {missing}, which is not in the map: link dropped")]
     DanglingStopSign { sign: MapId, missing: MapId },
+    #[error("lane {lane} has lane {neighbor} beside it over points that are not there: neighbour dropped")]
+    BadNeighbor { lane: MapId, neighbor: MapId },
     #[error("lane {from} leads to lane {to}, but {to} does not name {from} as its entry")]
     OneWayLink { from: MapId, to: MapId },
     #[error(
@@ -241,6 +243,8 @@ pub enum Finding {
     SignalWithoutLane { lane: MapId, step: usize },
     #[error("a signal of lane {lane} at step {step} has an unusable stop point: dropped")]
     BadSignal { lane: MapId, step: usize },
+    #[error("two signals are given for lane {lane} at step {step}: the later one dropped")]
+    DuplicateSignal { lane: MapId, step: usize },
     #[error("map feature {0} has an unusable point (not finite, or out of range) or no point: dropped")]
     BadFeature(MapId),
     #[error("two map features have the id {0}: the later one dropped")]
@@ -255,7 +259,7 @@ pub enum Finding {
     UnknownObjectOfInterest(TrackId),
     #[error("track to predict {index} is not a track's place: dropped")]
     UnknownTrackToPredict { index: i64 },
-    #[error("current_time_index {index} is past the end: taken as the last step")]
+    #[error("current_time_index {index} is outside the scene: taken as the nearest step")]
     CurrentTimeIndex { index: i64 },
 }
 
@@ -353,7 +357,7 @@ impl SceneParts {
         map.speed_bumps.retain(|area| keep(area.id, &area.polygon));
         map.driveways.retain(|area| keep(area.id, &area.polygon));
 
-        let lanes: BTreeSet<MapId> = map.lanes.iter().map(|lane| lane.id).collect();
+        let lanes: BTreeMap<MapId, usize> = map.lanes.iter().map(|lane| (lane.id, lane.centerline.len())).collect();
         let edges = map.road_edges.iter().map(|edge| edge.id);
         let bounds: BTreeSet<MapId> = map.road_lines.iter().map(|line| line.id).chain(edges).collect();
         for lane in &mut map.lanes {
@@ -382,15 +386,20 @@ impl SceneParts {
             return Err(SceneError::SignalLength { signals: self.signals.len(), steps });
         }
         let lanes: BTreeSet<MapId> = self.map.lanes.iter().map(|lane| lane.id).collect();
-        let mut reported = BTreeSet::new();
+        let (mut reported, mut seen) = (BTreeSet::new(), BTreeSet::new());
         for (step, signals) in self.signals.iter_mut().enumerate() {
             signals.retain(|signal| {
                 let point = signal.stop_point;
                 let usable = [point.x, point.y, point.z].iter().all(|v| v.is_finite() && v.abs() <= 1e7);
                 if !usable {
                     findings.push(Finding::BadSignal { lane: signal.lane, step });
+                    return false;
                 }
-                usable
+                let first = seen.insert((step, signal.lane));
+                if !first {
+                    findings.push(Finding::DuplicateSignal { lane: signal.lane, step });
+                }
+                first
             });
             for signal in signals.iter().filter(|signal| !lanes.contains(&signal.lane)) {
                 if reported.insert(signal.lane) {
@@ -420,7 +429,8 @@ impl SceneParts {
     }
 }
 
-fn check_lane(lane: &mut Lane, lanes: &BTreeSet<MapId>, bounds: &BTreeSet<MapId>, findings: &mut Vec<Finding>) {
+/// `lanes`: for each lane its number of points; `bounds`: all lines and edges.
+fn check_lane(lane: &mut Lane, lanes: &BTreeMap<MapId, usize>, bounds: &BTreeSet<MapId>, findings: &mut Vec<Finding>) {
     let id = lane.id;
     if lane.centerline.len() == 1 {
         findings.push(Finding::OnePointLane(id));
@@ -452,18 +462,26 @@ fn check_lane(lane: &mut Lane, lanes: &BTreeSet<MapId>, bounds: &BTreeSet<MapId>
     }
     for neighbors in [&mut lane.left_neighbors, &mut lane.right_neighbors] {
         neighbors.retain(|neighbor| {
-            let known = lanes.contains(&neighbor.lane);
-            if !known {
+            let Some(neighbor_points) = lanes.get(&neighbor.lane) else {
                 findings.push(Finding::DanglingLane { lane: id, missing: neighbor.lane });
+                return false;
+            };
+            let in_range = |index: i32, points: usize| usize::try_from(index).is_ok_and(|index| index < points);
+            let whole = in_range(neighbor.self_start_index, points)
+                && in_range(neighbor.self_end_index, points)
+                && in_range(neighbor.neighbor_start_index, *neighbor_points)
+                && in_range(neighbor.neighbor_end_index, *neighbor_points);
+            if !whole {
+                findings.push(Finding::BadNeighbor { lane: id, neighbor: neighbor.lane });
             }
-            known
+            whole
         });
     }
 }
 
-fn retain_known(links: &mut Vec<MapId>, known: &BTreeSet<MapId>, mut missing: impl FnMut(MapId)) {
+fn retain_known(links: &mut Vec<MapId>, known: &BTreeMap<MapId, usize>, mut missing: impl FnMut(MapId)) {
     links.retain(|link| {
-        let is_known = known.contains(link);
+        let is_known = known.contains_key(link);
         if !is_known {
             missing(*link);
         }

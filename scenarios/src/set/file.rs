@@ -1,0 +1,72 @@
+//! The scene-set TOML.
+
+use serde::Deserialize;
+use thiserror::Error;
+
+/// A scene set as a file says it. Paths are relative to that file's folder.
+///
+/// ```
+/// let set = scenarios::SetFile::parse(r#"
+///     files = ["town/training_20s.tfrecord-00014-of-01000", "more"]   # files, or folders to search through
+///     globs = ["validation/*.tfrecord*"]
+///     scenes = ["eb4b91b10ca94ff2", "following-7-0"]                  # keep these alone; without it, all
+///
+///     [[generate]]
+///     family = "following"
+///     seed = 7
+///     count = 3
+/// "#).unwrap();
+/// assert_eq!(set.generate[0].count, 3);
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SetFile {
+    /// TFRecord files and folders of them.
+    #[serde(default)]
+    pub files: Vec<String>,
+    /// Globs for such.
+    #[serde(default)]
+    pub globs: Vec<String>,
+    /// Generated scenes.
+    #[serde(default)]
+    pub generate: Vec<Generate>,
+    /// The ids to keep of all that; `None` keeps all.
+    pub scenes: Option<Vec<String>>,
+}
+
+/// Scenes of one family.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Generate {
+    /// The family's name; `scenarios families` lists them.
+    pub family: String,
+    /// Where its random numbers start.
+    #[serde(default)]
+    pub seed: u64,
+    /// How many scenes; they are called `family-seed-0`, `family-seed-1` ...
+    #[serde(default = "one")]
+    pub count: u32,
+}
+
+fn one() -> u32 {
+    1
+}
+
+/// The text is no scene set.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{0}")]
+pub struct TomlProblem(String);
+
+impl SetFile {
+    /// The scene set that `text` says.
+    ///
+    /// # Errors
+    /// [`TomlProblem`] names the line.
+    pub fn parse(text: &str) -> Result<Self, TomlProblem> {
+        let set: Self = toml::from_str(text).map_err(|error| TomlProblem(error.to_string().trim_end().to_owned()))?;
+        if set.files.is_empty() && set.globs.is_empty() && set.generate.is_empty() {
+            return Err(TomlProblem("it names no scenes: give `files`, `globs` or `[[generate]]`".into()));
+        }
+        Ok(set)
+    }
+}

@@ -1,0 +1,58 @@
+//! Real WOMD scenes.
+
+use scenarios::{RecordProblem, SceneSet, SetError, womd};
+
+use crate::real_data;
+
+fn open(folders: &[&str]) -> Option<SceneSet> {
+    let data = real_data()?;
+    let folders: Vec<String> = folders.iter().map(|f| data.join(f).to_string_lossy().into_owned()).collect();
+    Some(SceneSet::open(&folders).unwrap())
+}
+
+#[test]
+fn every_real_scene_loads() {
+    let Some(set) = open(&["womd/9s", "womd-derived"]) else { return };
+    assert_eq!(set.entries().len(), 2 + 7 + 4 + 39);
+    for (index, entry) in set.entries().iter().enumerate() {
+        let (scene, _) = set.load(index).unwrap();
+        assert_eq!(scene.id(), &entry.id);
+        let nine = entry.source.to_string().contains("9s");
+        assert!(if nine { scene.steps() == 91 } else { (197..=200).contains(&scene.steps()) }, "{}", entry.id);
+        assert!(scene.av().states.iter().all(Option::is_some), "{}: the AV is valid throughout", entry.id);
+    }
+}
+
+#[test]
+fn writing_and_reading_every_real_scene_is_the_identity() {
+    let Some(set) = open(&["womd/9s", "womd-derived"]) else { return };
+    for index in 0..set.entries().len() {
+        let (scene, _) = set.load(index).unwrap();
+        let bytes = womd::write(&scene);
+        let (again, findings) = womd::read(&bytes).unwrap();
+        assert_eq!(*scene, again);
+        // What was odd has been mended, so only what cannot be mended is found again.
+        assert!(findings.iter().all(|finding| !finding.to_string().contains("dropped")), "{findings:?}");
+        assert_eq!(womd::write(&again), bytes);
+    }
+}
+
+#[test]
+fn counts_are_those_of_the_data_sets_table() {
+    let Some(set) = open(&["womd-derived/20s"]) else { return };
+    let index = set.entries().iter().position(|entry| entry.id.as_str() == "b36a6d0bc9e525bc").unwrap();
+    let (scene, _) = set.load(index).unwrap();
+    assert_eq!((scene.steps(), scene.map().lanes.len(), scene.map().crosswalks.len()), (200, 222, 10));
+    assert_eq!(scene.map().stop_signs.len(), 7);
+    assert_eq!((0..scene.steps()).filter(|step| !scene.signals(*step).is_empty()).count(), 183);
+}
+
+#[test]
+fn a_tf_example_is_refused_by_name() {
+    let Some(data) = real_data() else { return };
+    let file = data.join("womd/tf-example/motion_data_one_example.tfrecord");
+    let error = SceneSet::open(&[file.to_string_lossy().into_owned()]).unwrap_err();
+    let SetError::Record(error) = error else { panic!("{error}") };
+    assert!(matches!(error.problem, RecordProblem::Womd(womd::WomdError::TfExample)), "{error}");
+    assert_eq!((error.record, error.offset), (0, 0));
+}
