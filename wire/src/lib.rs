@@ -6,6 +6,8 @@
 //! | --- | --- |
 //! | [`proto`] | the messages as prost makes them of `proto/reloop.proto` |
 
+pub mod convert;
+pub mod keys;
 pub mod proto;
 
 /// The version of messages, keys and their order. A node of another version is refused; raise it with every change that an

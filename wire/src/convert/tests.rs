@@ -1,0 +1,313 @@
+//! Laws of the conversion: what is sent is what arrives, and no bytes whatever bring it down.
+
+use std::sync::Arc;
+
+use prost::Message as _;
+use proptest::collection::vec;
+use proptest::prelude::*;
+use world::geometry::{Point3, Pose};
+use world::map::*;
+use world::observation::*;
+use world::plan::*;
+use world::reference_line::{ReferenceLine, ReferenceWindow};
+use world::scene::{AgentKind, AgentState, SceneId, TrackId};
+use world::signal::{Signal, SignalState};
+
+use super::*;
+
+fn number() -> impl Strategy<Value = f64> {
+    -1e5..1e5
+}
+
+fn state() -> impl Strategy<Value = AgentState> {
+    (vec(number(), 6), vec(0.0..20.0, 3)).prop_map(|(n, size)| AgentState {
+        x: n[0],
+        y: n[1],
+        z: n[2],
+        heading: n[3],
+        velocity_x: n[4],
+        velocity_y: n[5],
+        length: size[0],
+        width: size[1],
+        height: size[2],
+    })
+}
+
+fn agents() -> impl Strategy<Value = Vec<ObservedAgent>> {
+    let kind = prop::sample::select(vec![AgentKind::Vehicle, AgentKind::Pedestrian, AgentKind::Cyclist, AgentKind::Other]);
+    let agent = (any::<i32>(), kind, state());
+    vec(agent.prop_map(|(track, kind, state)| ObservedAgent { track: TrackId(track), kind, state }), 0..6)
+}
+
+fn points() -> impl Strategy<Value = Vec<Point3>> {
+    vec((number(), number(), number()).prop_map(|(x, y, z)| Point3 { x, y, z }), 1..8)
+}
+
+fn line(samples: std::ops::Range<usize>) -> impl Strategy<Value = ReferenceLine> {
+    vec((vec(number(), 6), any::<bool>()), samples).prop_map(|rows| {
+        let column = |k: usize| rows.iter().map(|(row, _)| row[k]).collect();
+        ReferenceLine {
+            x: column(0),
+            y: column(1),
+            z: column(2),
+            heading: column(3),
+            curvature: column(4),
+            speed_limit: column(5),
+            crosswalk: rows.iter().map(|(_, crosswalk)| *crosswalk).collect(),
+        }
+    })
+}
+
+fn observation() -> impl Strategy<Value = Observation> {
+    let state_of_signal =
+        prop::sample::select(vec![SignalState::Stop, SignalState::Go, SignalState::ArrowCaution, SignalState::Unknown]);
+    let signal = (any::<i64>(), state_of_signal, number()).prop_map(|(lane, state, x)| Signal {
+        lane: MapId(lane),
+        state,
+        stop_point: Point3 { x, y: -x, z: 1.0 },
+    });
+    (any::<u32>(), state(), agents(), vec(signal, 0..3), line(2..9), number()).prop_map(
+        |(step, av, agents, signals, line, a)| Observation {
+            step,
+            log_index: step.wrapping_add(19),
+            av,
+            control: Control { acceleration: a, steering: -a },
+            agents,
+            signals,
+            window: ReferenceWindow {
+                start: 0,
+                samples: line.x.len(),
+                first_sample: 77,
+                red_stops: vec![0, line.x.len() as u32 - 1],
+                line: Arc::new(line),
+            },
+        },
+    )
+}
+
+fn briefing() -> impl Strategy<Value = Briefing> {
+    (points(), points(), line(0..9), vec((state(), agents()), 0..3)).prop_map(|(a, b, line, history)| {
+        let segment = BoundarySegment {
+            lane_start_index: 0,
+            lane_end_index: 1,
+            feature: MapId(5),
+            kind: RoadLineKind::SolidSingleWhite,
+        };
+        let neighbor = LaneNeighbor {
+            lane: MapId(9),
+            self_start_index: 1,
+            self_end_index: 2,
+            neighbor_start_index: 3,
+            neighbor_end_index: 4,
+            boundaries: vec![segment],
+        };
+        let lane = Lane {
+            id: MapId(4),
+            kind: LaneKind::SurfaceStreet,
+            speed_limit_mph: 25.0,
+            interpolating: true,
+            centerline: a.clone(),
+            entries: vec![MapId(1)],
+            exits: vec![MapId(2), MapId(3)],
+            left_neighbors: vec![neighbor.clone()],
+            right_neighbors: vec![neighbor],
+            left_boundaries: vec![segment],
+            right_boundaries: vec![],
+        };
+        let area = |id: i64| Area { id: MapId(id), polygon: b.clone() };
+        Briefing {
+            scene: SceneId::new("scene-1").unwrap(),
+            protocol: "strict".to_owned(),
+            start: 19,
+            horizon: 150,
+            wheelbase: 3.089,
+            map: Arc::new(Map {
+                lanes: vec![lane],
+                road_lines: vec![RoadLine {
+                    id: MapId(5),
+                    kind: RoadLineKind::BrokenDoubleYellow,
+                    polyline: b.clone(),
+                }],
+                road_edges: vec![RoadEdge { id: MapId(6), kind: RoadEdgeKind::Median, polyline: a.clone() }],
+                stop_signs: vec![StopSign { id: MapId(7), lanes: vec![MapId(4)], position: a[0] }],
+                crosswalks: vec![area(10)],
+                speed_bumps: vec![area(11)],
+                driveways: vec![area(12)],
+            }),
+            route: vec![MapId(4), MapId(2)],
+            reference_line: Arc::new(line),
+            history: history
+                .into_iter()
+                .enumerate()
+                .map(|(i, (av, agents))| HistoryStep { log_index: i as u32, av, agents })
+                .collect(),
+        }
+    })
+}
+
+fn plan() -> impl Strategy<Value = UncheckedPlan> {
+    (any::<u32>(), vec(number(), 0..60), vec(number(), 0..60)).prop_map(|(step, xs, accelerations)| UncheckedPlan {
+        step,
+        states: xs.iter().map(|&x| PlanState { x, y: 2.0 * x, heading: -x, speed: 0.5 * x }).collect(),
+        controls: accelerations.iter().map(|&a| Control { acceleration: a, steering: 0.1 * a }).collect(),
+        diagnostics: Diagnostics {
+            objective: vec![("speed".to_owned(), 1.5)],
+            iterations: 7,
+            status: "converged".to_owned(),
+        },
+    })
+}
+
+fn prediction() -> impl Strategy<Value = UncheckedPrediction> {
+    (any::<u32>(), vec(vec(number(), 0..60), 0..4)).prop_map(|(step, futures)| UncheckedPrediction {
+        step,
+        futures: futures
+            .into_iter()
+            .map(|xs| Future {
+                probability: 0.25,
+                trajectories: vec![PredictedTrajectory {
+                    track: TrackId(3),
+                    poses: xs.iter().map(|&x| Pose::new(x, -x, 0.1 * x)).collect(),
+                }],
+            })
+            .collect(),
+        initial_controls: vec![Control::default(); 2],
+        cost_weights: vec![1.0, 2.0],
+    })
+}
+
+/// Sends `value` through its message's bytes.
+fn through<P: Message, W>(message: P) -> Result<W, MessageError>
+where
+    W: TryFrom<P, Error = MessageError>,
+{
+    W::try_from(decode::<P>(&message.encode_to_vec())?)
+}
+
+/// Takes bytes as every message there is. Only that it returns matters.
+fn take_as_anything(bytes: &[u8]) {
+    let _ = decode::<proto::Scene>(bytes).and_then(Briefing::try_from);
+    let _ = decode::<proto::Observation>(bytes).and_then(Observation::try_from);
+    let _ = decode::<proto::Plan>(bytes).and_then(UncheckedPlan::try_from).map(|plan| plan.check(3));
+    let _ = decode::<proto::Prediction>(bytes).and_then(UncheckedPrediction::try_from).map(|p| p.check(3));
+    let _ = decode::<proto::EpisodeEnd>(bytes);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn a_briefing_arrives_as_it_was_sent(briefing in briefing()) {
+        prop_assert_eq!(through::<proto::Scene, Briefing>((&briefing).into()).unwrap(), briefing);
+    }
+
+    #[test]
+    fn an_observation_arrives_as_it_was_sent(observation in observation()) {
+        prop_assert_eq!(through::<proto::Observation, Observation>((&observation).into()).unwrap(), observation);
+    }
+
+    #[test]
+    fn a_plan_arrives_as_it_was_sent(plan in plan()) {
+        prop_assert_eq!(through::<proto::Plan, UncheckedPlan>((&plan).into()).unwrap(), plan);
+    }
+
+    #[test]
+    fn a_prediction_arrives_as_it_was_sent(prediction in prediction()) {
+        prop_assert_eq!(through::<proto::Prediction, UncheckedPrediction>((&prediction).into()).unwrap(), prediction);
+    }
+
+    #[test]
+    fn noise_is_refused_or_taken_but_never_a_panic(bytes in vec(any::<u8>(), 0..300)) {
+        take_as_anything(&bytes);
+    }
+
+    #[test]
+    fn damaged_messages_are_refused_or_taken_but_never_a_panic(
+        briefing in briefing(),
+        observation in observation(),
+        prediction in prediction(),
+        damage in vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
+        cut in any::<prop::sample::Index>(),
+    ) {
+        let messages = [
+            proto::Scene::from(&briefing).encode_to_vec(),
+            proto::Observation::from(&observation).encode_to_vec(),
+            proto::Prediction::from(&prediction).encode_to_vec(),
+        ];
+        for mut bytes in messages {
+            for (place, byte) in &damage {
+                let place = place.index(bytes.len());
+                bytes[place] = *byte;
+            }
+            take_as_anything(&bytes);
+            take_as_anything(&bytes[..cut.index(bytes.len())]);
+        }
+    }
+}
+
+fn field(result: Result<impl Sized, MessageError>) -> (String, Problem) {
+    match result.map(|_| ()) {
+        Err(MessageError::Field { field, problem, .. }) => (field, problem),
+        other => panic!("a field's error was expected, not {other:?}"),
+    }
+}
+
+fn honest_observation() -> proto::Observation {
+    let line = proto::ReferenceLine {
+        x: vec![0.0],
+        y: vec![0.0],
+        z: vec![0.0],
+        heading: vec![0.0],
+        curvature: vec![0.0],
+        speed_limit: vec![0.0],
+        crosswalk: vec![false],
+    };
+    let agent = proto::Agent { track: 1, kind: 1, state: Some(proto::AgentState::default()) };
+    proto::Observation {
+        av: Some(proto::AgentState::default()),
+        agents: vec![agent; 2],
+        window: Some(line),
+        ..Default::default()
+    }
+}
+
+#[test]
+fn an_error_names_the_field() {
+    assert!(Observation::try_from(honest_observation()).is_ok());
+
+    let mut message = honest_observation();
+    message.av = None;
+    assert_eq!(field(Observation::try_from(message)), ("av".to_owned(), Problem::Missing));
+
+    let mut message = honest_observation();
+    message.agents[1].state.as_mut().unwrap().velocity_y = f64::NAN;
+    assert_eq!(field(Observation::try_from(message)), ("agents[1].state.velocity_y".to_owned(), Problem::NotFinite));
+
+    let mut message = honest_observation();
+    message.agents[0].kind = 9;
+    assert_eq!(field(Observation::try_from(message)), ("agents[0].kind".to_owned(), Problem::UnknownValue(9)));
+
+    let mut message = honest_observation();
+    message.window.as_mut().unwrap().heading.clear();
+    let problem = Problem::UnequalColumns { expected: 1, got: 0 };
+    assert_eq!(field(Observation::try_from(message)), ("window.heading".to_owned(), problem));
+
+    let mut message = honest_observation();
+    message.red_stops = vec![1];
+    let problem = Problem::OutOfRange { index: 1, samples: 1 };
+    assert_eq!(field(Observation::try_from(message)), ("red_stops[0]".to_owned(), problem));
+}
+
+#[test]
+fn a_message_that_is_too_big_is_not_even_decoded() {
+    let bytes = vec![0; proto::Plan::MAX_BYTES + 1];
+    assert!(matches!(decode::<proto::Plan>(&bytes), Err(MessageError::TooBig { message: "Plan", .. })));
+}
+
+#[test]
+fn a_node_that_cannot_answer_is_quoted() {
+    let message = proto::Plan { error: "no lane here".to_owned(), ..Default::default() };
+    let refused = MessageError::Refused("no lane here".to_owned());
+    assert_eq!(UncheckedPlan::try_from(message), Err(refused.clone()));
+    assert_eq!(refused.to_string(), "it cannot answer: no lane here");
+}
