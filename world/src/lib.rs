@@ -5,9 +5,10 @@
 //!
 //! | module | what |
 //! | --- | --- |
-//! | [`geometry`] | points, poses, angles, oriented boxes, polylines |
+//! | [`geometry`] | points, poses, angles, oriented boxes, polylines, grids that find what is near |
 //! | [`scene`], [`map`], [`signal`] | one logged stretch of traffic, checked and immutable |
 //! | [`reference_line`] | the line to follow, and its window |
+//! | [`vehicle`] | how the AV moves: the kinematic bicycle model and its limits |
 //! | [`observation`], [`plan`] | what a driver is told and what it answers |
 
 pub mod geometry;
@@ -17,3 +18,4 @@ pub mod plan;
 pub mod reference_line;
 pub mod scene;
 pub mod signal;
+pub mod vehicle;

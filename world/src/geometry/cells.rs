@@ -1,0 +1,166 @@
+//! The cells of a uniform grid: which one a point is in, what each holds, and walking outwards from one in rings.
+
+use super::Point;
+
+/// Cells along either axis at most; beyond that they are made larger.
+const MAX_CELLS_PER_AXIS: f64 = 512.0;
+
+/// Slack for the rounding of cell borders (m).
+const HAIR: f64 = 1e-6;
+
+/// A uniform grid whose cells hold numbers of things.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Cells {
+    origin: Point,
+    cell: f64,
+    columns: usize,
+    rows: usize,
+    /// Where the members of each cell begin in `members`; one more than there are cells.
+    starts: Vec<u32>,
+    members: Vec<u32>,
+}
+
+/// A cell by its column and row.
+pub(super) type Cell = (usize, usize);
+
+impl Cells {
+    /// Cells of about `cell` metres over the bounds of `points`; `visit_cells` calls its second argument with each cell
+    /// that a thing is in, for each of `count` things.
+    pub(super) fn new(
+        points: impl Iterator<Item = Point>,
+        cell: f64,
+        count: usize,
+        visit_cells: impl Fn(&Self, usize, &mut dyn FnMut(Cell)),
+    ) -> Self {
+        let (low, high) = bounds(points);
+        let extent = (high.x - low.x).max(high.y - low.y);
+        let cell = cell.max(extent / MAX_CELLS_PER_AXIS).max(1e-3);
+        let cells_along = |low: f64, high: f64| ((high - low) / cell) as usize + 1;
+        let (columns, rows) = (cells_along(low.x, high.x), cells_along(low.y, high.y));
+        let mut cells =
+            Self { origin: low, cell, columns, rows, starts: vec![0; columns * rows + 1], members: Vec::new() };
+        // A counting sort: how many in each cell, then where each cell begins, then who.
+        let mut starts = std::mem::take(&mut cells.starts);
+        for thing in 0..count {
+            visit_cells(&cells, thing, &mut |(column, row)| starts[row * columns + column + 1] += 1);
+        }
+        for cell in 1..starts.len() {
+            starts[cell] += starts[cell - 1];
+        }
+        let mut members = vec![0; starts[starts.len() - 1] as usize];
+        let mut next = starts.clone();
+        for thing in 0..count {
+            visit_cells(&cells, thing, &mut |(column, row)| {
+                let place = &mut next[row * columns + column];
+                members[*place as usize] = thing as u32;
+                *place += 1;
+            });
+        }
+        (cells.starts, cells.members) = (starts, members);
+        cells
+    }
+
+    /// The cell of `point`; the nearest one, if it lies outside.
+    pub(super) fn cell_of(&self, point: Point) -> Cell {
+        (self.column(point.x), self.row(point.y))
+    }
+
+    // `as` saturates: what lies outside falls into the outermost cells, and what is not a number into the first.
+    fn column(&self, x: f64) -> usize {
+        (((x - self.origin.x) / self.cell) as usize).min(self.columns - 1)
+    }
+
+    fn row(&self, y: f64) -> usize {
+        (((y - self.origin.y) / self.cell) as usize).min(self.rows - 1)
+    }
+
+    /// What is in a cell, in ascending order.
+    pub(super) fn members(&self, (column, row): Cell) -> &[u32] {
+        let cell = row * self.columns + column;
+        &self.members[self.starts[cell] as usize..self.starts[cell + 1] as usize]
+    }
+
+    /// The cells that the segment from `start` to `end` passes, row by row: a long diagonal is in few of the cells of its
+    /// bounds.
+    pub(super) fn for_each_along(&self, start: Point, end: Point, visit: &mut dyn FnMut(Cell)) {
+        let (low, high) = if start.y <= end.y { (start, end) } else { (end, start) };
+        let (first_row, last_row) = (self.row(low.y - HAIR), self.row(high.y + HAIR));
+        let slope = if high.y > low.y { (high.x - low.x) / (high.y - low.y) } else { 0.0 };
+        for row in first_row..=last_row {
+            let (mut left, mut right) = (low.x, high.x);
+            if first_row < last_row && high.y > low.y {
+                // The stretch within this row.
+                let bottom = (self.origin.y + row as f64 * self.cell - HAIR).clamp(low.y, high.y);
+                let top = (self.origin.y + (row + 1) as f64 * self.cell + HAIR).clamp(low.y, high.y);
+                (left, right) = (low.x + slope * (bottom - low.y), low.x + slope * (top - low.y));
+            }
+            for column in self.column(left.min(right) - HAIR)..=self.column(left.max(right) + HAIR) {
+                visit((column, row));
+            }
+        }
+    }
+
+    /// The cells within `radius` of `point`, and a few that are not.
+    pub(super) fn for_each_within(&self, point: Point, radius: f64, mut visit: impl FnMut(Cell)) {
+        let reach = radius + HAIR;
+        let (first_column, first_row) = self.cell_of(Point::new(point.x - reach, point.y - reach));
+        let (last_column, last_row) = self.cell_of(Point::new(point.x + reach, point.y + reach));
+        for row in first_row..=last_row {
+            for column in first_column..=last_column {
+                visit((column, row));
+            }
+        }
+    }
+
+    /// Walks outwards from `point`, calling `visit` with the members of each cell. It returns the squared distance of the
+    /// best found so far; the walk ends where nothing could be as near as that any more.
+    pub(super) fn walk_outwards(&self, point: Point, mut best: f64, mut visit: impl FnMut(&[u32]) -> f64) {
+        let (column, row) = self.cell_of(point);
+        for ring in 0..self.columns.max(self.rows) {
+            let reach = self.distance_to_ring(point, (column, row), ring);
+            if ring > 0 && reach > 0.0 && reach * reach > best {
+                return;
+            }
+            self.for_each_of_ring((column, row), ring, |cell| best = visit(self.members(cell)));
+        }
+    }
+
+    /// Distance from `point`, which belongs to the cell, to the nearest border that cells of this ring or of later ones lie
+    /// behind. A side where the grid ends has none.
+    fn distance_to_ring(&self, point: Point, (column, row): Cell, ring: usize) -> f64 {
+        let gap = |position: f64, origin: f64, cell: usize, cells: usize| {
+            let behind =
+                if cell >= ring { position - (origin + (cell - ring + 1) as f64 * self.cell) } else { f64::INFINITY };
+            let ahead =
+                if cell + ring < cells { origin + (cell + ring) as f64 * self.cell - position } else { f64::INFINITY };
+            behind.min(ahead)
+        };
+        let across = gap(point.x, self.origin.x, column, self.columns);
+        across.min(gap(point.y, self.origin.y, row, self.rows)) - HAIR
+    }
+
+    fn for_each_of_ring(&self, (column, row): Cell, ring: usize, mut visit: impl FnMut(Cell)) {
+        let (column, row, ring) = (column as isize, row as isize, ring as isize);
+        let columns = (column - ring).max(0)..=(column + ring).min(self.columns as isize - 1);
+        for y in (row - ring).max(0)..=(row + ring).min(self.rows as isize - 1) {
+            if (y - row).abs() == ring {
+                columns.clone().for_each(|x| visit((x as usize, y as usize)));
+            } else {
+                let sides = [column - ring, column + ring].into_iter().filter(|x| columns.contains(x));
+                sides.for_each(|x| visit((x as usize, y as usize)));
+            }
+        }
+    }
+
+    #[cfg(test)]
+    pub(super) fn count(&self) -> usize {
+        self.columns * self.rows
+    }
+}
+
+fn bounds(points: impl Iterator<Item = Point>) -> (Point, Point) {
+    let grow = |(low, high): (Point, Point), p: Point| {
+        (Point::new(low.x.min(p.x), low.y.min(p.y)), Point::new(high.x.max(p.x), high.y.max(p.y)))
+    };
+    points.fold(None, |bounds, p| Some(grow(bounds.unwrap_or((p, p)), p))).unwrap_or_default()
+}

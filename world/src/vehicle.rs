@@ -1,0 +1,319 @@
+//! How the AV moves: the kinematic bicycle model of the paper (its equation 2).
+//!
+//! The authors' code holds three variants of it that differ in clips, in the tangent and in the order of the updates. All
+//! are settings of the one [`BicycleModel`] here: [`BicycleModel::authors_planner`], [`BicycleModel::authors_training`] and
+//! [`BicycleModel::authors_test`].
+
+use std::f64::consts::TAU;
+
+use crate::geometry::{Pose, wrap_angle};
+use crate::plan::Control;
+
+/// Distance between the axles of the paper's AV (m).
+pub const WHEELBASE: f64 = 3.089;
+
+/// Where the vehicle is and how fast it goes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct VehicleState {
+    /// x (m).
+    pub x: f64,
+    /// y (m).
+    pub y: f64,
+    /// Heading (rad).
+    pub heading: f64,
+    /// Speed (m/s). Negative only under [`Braking::OwesDebt`]: the vehicle stands then, and this is what it owes.
+    pub speed: f64,
+}
+
+impl VehicleState {
+    /// Place and heading.
+    #[must_use]
+    pub fn pose(&self) -> Pose {
+        Pose::new(self.x, self.y, self.heading)
+    }
+}
+
+/// How steering turns the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Turning {
+    /// Yaw rate = v tan(steering) / wheelbase: the paper's equation.
+    Tangent,
+    /// Yaw rate = v steering / wheelbase: what the authors' planner and training compute.
+    Linear,
+}
+
+/// Which values of a step the heading and the position are updated with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum UpdateOrder {
+    /// Those from before the step: the paper's equation.
+    FromBefore,
+    /// The step's new speed for the heading, new speed and heading for the position: the authors' code.
+    FromUpdated,
+}
+
+/// What braking past standstill does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Braking {
+    /// The vehicle stands, and the next acceleration moves it.
+    Stops,
+    /// The vehicle stands, but the missing speed must be made good before it moves again: the authors clamp the running
+    /// sum of accelerations at zero when they read it, not when they add to it.
+    OwesDebt,
+}
+
+/// How heading is kept in range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HeadingRange {
+    /// [-pi, pi).
+    Wrapped,
+    /// (-2 pi, 2 pi), with the sign of the unwrapped heading: C's `fmod`, in the authors' code.
+    Remainder,
+}
+
+/// What a vehicle can do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Largest acceleration and deceleration (m/s^2).
+    pub acceleration: f64,
+    /// Largest steering angle to either side (rad).
+    pub steering: f64,
+    /// Fastest change of the steering angle (rad/s).
+    pub steering_rate: f64,
+}
+
+impl Limits {
+    /// Those of the `strict` protocol: the paper's bounds of its controls, and a steering rate of 0.5 rad/s: lock to
+    /// lock in 2 s, as a brisk driver turns the wheel.
+    pub const STRICT: Self = Self { acceleration: 5.0, steering: 0.5, steering_rate: 0.5 };
+
+    /// `wanted`, as far as the vehicle can follow within `dt` seconds from the steering angle `previous_steering`.
+    #[must_use]
+    pub fn apply(&self, wanted: Control, previous_steering: f64, dt: f64) -> Control {
+        let turn = self.steering_rate * dt;
+        let reachable = wanted.steering.clamp(previous_steering - turn, previous_steering + turn);
+        Control {
+            acceleration: wanted.acceleration.clamp(-self.acceleration, self.acceleration),
+            steering: reachable.clamp(-self.steering, self.steering),
+        }
+    }
+}
+
+/// The kinematic bicycle model. It never reverses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BicycleModel {
+    /// Distance between the axles (m).
+    pub wheelbase: f64,
+    /// Accelerations are clipped to this magnitude (m/s^2).
+    pub acceleration_clip: f64,
+    /// Steering angles are clipped to this magnitude (rad).
+    pub steering_clip: f64,
+    /// How steering turns the vehicle.
+    pub turning: Turning,
+    /// Which values a step's updates read.
+    pub order: UpdateOrder,
+    /// What braking past standstill does.
+    pub braking: Braking,
+    /// How heading is kept in range.
+    pub heading: HeadingRange,
+}
+
+impl BicycleModel {
+    /// The paper's equation 2 for a vehicle of this wheelbase (m), clipped at [`Limits::STRICT`].
+    #[must_use]
+    pub const fn new(wheelbase: f64) -> Self {
+        Self {
+            wheelbase,
+            acceleration_clip: Limits::STRICT.acceleration,
+            steering_clip: Limits::STRICT.steering,
+            turning: Turning::Tangent,
+            order: UpdateOrder::FromBefore,
+            braking: Braking::Stops,
+            heading: HeadingRange::Wrapped,
+        }
+    }
+
+    const fn authors(steering_clip: f64, turning: Turning) -> Self {
+        Self {
+            steering_clip,
+            turning,
+            order: UpdateOrder::FromUpdated,
+            braking: Braking::OwesDebt,
+            heading: HeadingRange::Remainder,
+            ..Self::new(WHEELBASE)
+        }
+    }
+
+    /// The authors' planner: steering within 0.5 rad, no tangent. Its residuals are costed with this.
+    #[must_use]
+    pub const fn authors_planner() -> Self {
+        Self::authors(0.5, Turning::Linear)
+    }
+
+    /// The authors' training: steering within 0.6 rad, no tangent. The trajectory of the training loss.
+    #[must_use]
+    pub const fn authors_training() -> Self {
+        Self::authors(0.6, Turning::Linear)
+    }
+
+    /// The authors' tests: steering within 0.6 rad, with the tangent. The trajectory that is driven and measured.
+    #[must_use]
+    pub const fn authors_test() -> Self {
+        Self::authors(0.6, Turning::Tangent)
+    }
+
+    /// The yaw rate (rad/s) at `speed` (m/s) with the front wheels at `steering` (rad).
+    #[must_use]
+    pub fn yaw_rate(&self, speed: f64, steering: f64) -> f64 {
+        let steering = steering.clamp(-self.steering_clip, self.steering_clip);
+        let slope = match self.turning {
+            Turning::Tangent => libm::tan(steering),
+            Turning::Linear => steering,
+        };
+        speed / self.wheelbase * slope
+    }
+
+    /// Where the vehicle is `dt` seconds later under `control`.
+    #[must_use]
+    pub fn step(&self, state: VehicleState, control: Control, dt: f64) -> VehicleState {
+        let acceleration = control.acceleration.clamp(-self.acceleration_clip, self.acceleration_clip);
+        let owed = state.speed + acceleration * dt;
+        let speed = match self.braking {
+            Braking::Stops => owed.max(0.0),
+            Braking::OwesDebt => owed,
+        };
+        let moving = match self.order {
+            UpdateOrder::FromBefore => state.speed.max(0.0),
+            UpdateOrder::FromUpdated => speed.max(0.0),
+        };
+        let turned = state.heading + self.yaw_rate(moving, control.steering) * dt;
+        let heading = match self.heading {
+            HeadingRange::Wrapped => wrap_angle(turned),
+            HeadingRange::Remainder => turned % TAU,
+        };
+        let direction = match self.order {
+            UpdateOrder::FromBefore => state.heading,
+            UpdateOrder::FromUpdated => heading,
+        };
+        VehicleState {
+            x: state.x + moving * libm::cos(direction) * dt,
+            y: state.y + moving * libm::sin(direction) * dt,
+            heading,
+            speed,
+        }
+    }
+}
+
+impl Default for BicycleModel {
+    fn default() -> Self {
+        Self::new(WHEELBASE)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const DT: f64 = 0.1;
+
+    fn control(acceleration: f64, steering: f64) -> Control {
+        Control { acceleration, steering }
+    }
+
+    fn drive(model: &BicycleModel, mut state: VehicleState, control: Control, steps: usize) -> VehicleState {
+        for _ in 0..steps {
+            state = model.step(state, control, DT);
+        }
+        state
+    }
+
+    #[test]
+    fn straight_on_at_constant_acceleration() {
+        let end =
+            drive(&BicycleModel::default(), VehicleState { speed: 2.0, ..Default::default() }, control(1.0, 0.0), 50);
+        // 2 t + t^2 / 2, less half a step of each gain: the step starts with the speed from before.
+        assert!((end.x - (10.0 + 12.5 - 0.25)).abs() < 1e-9, "{end:?}");
+        assert!((end.speed - 7.0).abs() < 1e-9 && end.y == 0.0 && end.heading == 0.0);
+    }
+
+    #[test]
+    fn constant_steering_drives_a_circle_of_wheelbase_over_tangent() {
+        let model = BicycleModel::default();
+        let steering: f64 = 0.2;
+        let radius = WHEELBASE / steering.tan();
+        // Fine steps: the circle's centre is on the left.
+        let mut state = VehicleState { speed: 5.0, ..Default::default() };
+        for _ in 0..10_000 {
+            state = model.step(state, control(0.0, steering), 1e-3);
+            let from_center = (state.x.powi(2) + (state.y - radius).powi(2)).sqrt();
+            assert!((from_center - radius).abs() < 0.02, "{from_center} {radius}");
+        }
+    }
+
+    #[test]
+    fn braking_stops_the_vehicle_and_does_not_reverse_it() {
+        let end =
+            drive(&BicycleModel::default(), VehicleState { speed: 1.0, ..Default::default() }, control(-5.0, 0.3), 20);
+        assert_eq!(end.speed, 0.0);
+        let later = drive(&BicycleModel::default(), end, control(-5.0, 0.3), 20);
+        assert_eq!(end, later);
+        assert!(BicycleModel::default().step(later, control(1.0, 0.0), DT).speed > 0.0);
+    }
+
+    #[test]
+    fn the_authors_vehicle_must_pay_back_what_it_braked_past_standstill() {
+        let model = BicycleModel::authors_planner();
+        let braked = drive(&model, VehicleState { speed: 0.5, ..Default::default() }, control(-5.0, 0.0), 2);
+        assert_eq!(braked.speed, -0.5);
+        let still = model.step(braked, control(4.0, 0.0), DT);
+        assert_eq!((still.x, still.y), (braked.x, braked.y));
+        assert!(model.step(still, control(5.0, 0.0), DT).x > still.x);
+    }
+
+    #[test]
+    fn the_authors_variants_differ_in_clip_and_tangent() {
+        let yaw_rate = |model: BicycleModel| model.yaw_rate(WHEELBASE, 1.0);
+        assert_eq!(yaw_rate(BicycleModel::authors_planner()), 0.5);
+        assert_eq!(yaw_rate(BicycleModel::authors_training()), 0.6);
+        assert_eq!(yaw_rate(BicycleModel::authors_test()), libm::tan(0.6));
+    }
+
+    #[test]
+    fn the_authors_update_position_with_the_new_speed_and_heading() {
+        let state = BicycleModel::authors_test().step(VehicleState::default(), control(5.0, 0.5), DT);
+        let heading = 0.5 / WHEELBASE * 0.5_f64.tan() * DT;
+        assert!((state.heading - heading).abs() < 1e-15);
+        assert!((state.x - 0.05 * heading.cos()).abs() < 1e-15 && (state.y - 0.05 * heading.sin()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn steering_cannot_jump() {
+        let limited = Limits::STRICT.apply(control(9.0, 0.4), 0.1, DT);
+        assert_eq!(limited, control(5.0, 0.15000000000000002));
+        assert_eq!(Limits::STRICT.apply(control(-9.0, -2.0), -0.49, DT), control(-5.0, -0.5));
+    }
+
+    proptest! {
+        #[test]
+        fn limits_hold_and_leave_what_is_within_them(
+            (a, s) in (-20.0..20.0, -2.0..2.0), previous in -0.5..0.5,
+        ) {
+            let limited = Limits::STRICT.apply(control(a, s), previous, DT);
+            prop_assert!(limited.acceleration.abs() <= 5.0 && limited.steering.abs() <= 0.5);
+            prop_assert!((limited.steering - previous).abs() <= 0.05 + 1e-12);
+            prop_assert_eq!(Limits::STRICT.apply(limited, previous, DT), limited);
+        }
+
+        #[test]
+        fn where_the_world_lies_changes_no_drive(
+            (x, y, turn) in (-100.0..100.0, -100.0..100.0, -3.0..3.0), (a, s) in (-5.0..5.0, -0.5..0.5), speed in 0.0..20.0,
+        ) {
+            let model = BicycleModel::default();
+            let origin = drive(&model, VehicleState { speed, ..Default::default() }, control(a, s), 50);
+            let moved = drive(&model, VehicleState { x, y, heading: turn, speed }, control(a, s), 50);
+            let expected = Pose::new(x, y, turn).to_world(origin.pose().position());
+            prop_assert!(expected.distance(moved.pose().position()) < 1e-9);
+        }
+    }
+}
