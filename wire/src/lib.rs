@@ -5,10 +5,18 @@
 //! | module | what |
 //! | --- | --- |
 //! | [`proto`] | the messages as prost makes them of `proto/reloop.proto` |
+//! | [`convert`] | between messages and the world's types; checks what comes from outside |
+//! | [`keys`] | every key of the bus |
+//! | [`session`] | bus sessions: the simulator's router, the nodes' clients |
+//! | [`hub`] | the simulator's side: barrier, watch over nodes, a line for each episode |
+//! | [`node`] | the nodes' side: what a planner or predictor implements, and how it is served |
 
 pub mod convert;
+pub mod hub;
 pub mod keys;
+pub mod node;
 pub mod proto;
+pub mod session;
 
 /// The version of messages, keys and their order. A node of another version is refused; raise it with every change that an
 /// older node would misread.

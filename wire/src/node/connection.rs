@@ -1,0 +1,220 @@
+//! The session of a node: it subscribes, then shows its token, and leaves when there is a reason to.
+
+use std::io::Read;
+use std::sync::Mutex;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::time::Duration;
+
+use thiserror::Error;
+use zenoh::bytes::ZBytes;
+use zenoh::pubsub::Subscriber;
+use zenoh::sample::SampleKind;
+use zenoh::{Session, Wait};
+
+use crate::WIRE_VERSION;
+use crate::keys::{self, Address, Channel, KeyError, NodeId, Role, RunName, Workers};
+use crate::session::{self, SessionError};
+
+/// How long a node waits for the run to show itself.
+const RUN_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// How a node finds its run. `sim run` gives these to the nodes that it starts, as arguments and in the environment.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Options {
+    /// Where the simulator listens, like tcp/127.0.0.1:7447
+    #[arg(long, env = "RELOOP_ENDPOINT", value_name = "ENDPOINT")]
+    pub endpoint: String,
+    /// Name of the run
+    #[arg(long, env = "RELOOP_RUN", value_name = "NAME")]
+    pub run: RunName,
+    /// Worker to serve; * serves all
+    #[arg(long, env = "RELOOP_WORKER", value_name = "WORKER", default_value = "*")]
+    pub worker: Workers,
+    /// Name of this node, for people; made of the process number where it is not said
+    #[arg(long, value_name = "NAME")]
+    pub name: Option<String>,
+    /// Leave when standard input ends, so that nothing outlives the process that started this one
+    #[arg(long)]
+    pub exit_with_parent: bool,
+}
+
+/// Why a node left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// Ctrl-C, or the signal to terminate.
+    Interrupted,
+    /// Standard input ended.
+    ParentGone,
+    /// The simulator left or died.
+    SimGone,
+}
+
+/// Why a node cannot join a run.
+#[derive(Debug, Error)]
+pub enum NodeError {
+    /// Its session failed.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// A name cannot be part of a key.
+    #[error(transparent)]
+    Name(#[from] KeyError),
+    /// There is a simulator, but not of this run.
+    #[error("no run {run} at {endpoint} within {} s\n  hint: `sim run` names its run and its endpoint in its log", RUN_TIMEOUT.as_secs())]
+    NoRun {
+        /// The run.
+        run: RunName,
+        /// Where.
+        endpoint: String,
+    },
+    /// The simulator is of another build.
+    #[error("the simulator speaks version {theirs} of the messages, this node version {ours}\n  hint: build both from the same revision")]
+    WrongVersion {
+        /// Its version.
+        theirs: u32,
+        /// Ours.
+        ours: u32,
+    },
+    /// The signal handler could not be set.
+    #[error("cannot listen for Ctrl-C: {0}")]
+    Signals(String),
+}
+
+/// A node's place on the bus. Subscribe first, then [`Connection::serve`].
+pub struct Connection {
+    options: Options,
+    session: Session,
+    /// Kept because dropping them ends them.
+    subscribers: Mutex<Vec<Subscriber<()>>>,
+}
+
+/// What the watchers of a node tell it.
+enum Notice {
+    Sim { version: u32 },
+    Stop(Stop),
+}
+
+impl Connection {
+    /// Connects to the simulator.
+    ///
+    /// # Errors
+    /// [`NodeError`] where there is none.
+    pub fn open(options: &Options) -> Result<Self, NodeError> {
+        let session = session::open_client(&options.endpoint)?;
+        Ok(Self { options: options.clone(), session, subscribers: Mutex::default() })
+    }
+
+    /// The session, for whatever else a node wants of it.
+    #[must_use]
+    pub fn session(&self) -> Session {
+        self.session.clone()
+    }
+
+    /// Hears the messages of `channels` of all episodes of its workers, in the order in which each sender sent them.
+    /// `hear` is called by the transport and should not block: while it does, nothing else is heard.
+    ///
+    /// # Errors
+    /// [`NodeError::Session`].
+    pub fn subscribe(
+        &self,
+        channels: &[Channel],
+        hear: impl Fn(Address, ZBytes) + Clone + Send + Sync + 'static,
+    ) -> Result<(), NodeError> {
+        for channel in channels {
+            let hear = hear.clone();
+            let subscriber = self
+                .session
+                .declare_subscriber(keys::channel(&self.options.run, &self.options.worker, *channel))
+                .callback(move |sample| {
+                    if let Some(address) = Address::parse(sample.key_expr().as_str()) {
+                        hear(address, sample.payload().clone());
+                    }
+                })
+                .wait()
+                .map_err(SessionError::bus("subscribe"))?;
+            self.subscribers.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(subscriber);
+        }
+        Ok(())
+    }
+
+    /// Shows the token of `role`, and returns when the simulator leaves, when Ctrl-C comes, or, where that was asked for,
+    /// when standard input ends.
+    ///
+    /// # Errors
+    /// [`NodeError`] where the run is not there or of another version.
+    pub fn serve(self, role: Role) -> Result<Stop, NodeError> {
+        let name = self.options.name.clone().unwrap_or_else(|| format!("{role}-{}", std::process::id()));
+        let node = NodeId::new(role, self.options.worker.clone(), &name)?;
+        let (notify, notices) = sync_channel(16);
+        self.stop_on_signals(&notify)?;
+        let _watch = self.watch_sim(&notify)?;
+        if self.options.exit_with_parent {
+            watch_standard_input(notify);
+        }
+        // Subscribers stand: the simulator may count on this node from here on.
+        let token = self.session.liveliness().declare_token(node.key(&self.options.run)).wait();
+        let _token = token.map_err(SessionError::bus("declare the token"))?;
+        let result = self.wait(&notices);
+        if let Err(e) = self.session.close().wait() {
+            tracing::debug!("closing the session: {e}");
+        }
+        result
+    }
+
+    fn wait(&self, notices: &Receiver<Notice>) -> Result<Stop, NodeError> {
+        let Options { run, endpoint, .. } = &self.options;
+        let first = notices.recv_timeout(RUN_TIMEOUT);
+        let mut next = first.map_err(|_: RecvTimeoutError| NodeError::NoRun { run: run.clone(), endpoint: endpoint.clone() });
+        loop {
+            match next? {
+                Notice::Stop(stop) => return Ok(stop),
+                Notice::Sim { version } if version != WIRE_VERSION => {
+                    return Err(NodeError::WrongVersion { theirs: version, ours: WIRE_VERSION });
+                }
+                Notice::Sim { .. } => tracing::info!("serving run {run} at {endpoint}"),
+            }
+            // Every sender gone means that the session is: so is the simulator.
+            next = Ok(notices.recv().unwrap_or(Notice::Stop(Stop::SimGone)));
+        }
+    }
+
+    fn watch_sim(&self, notify: &SyncSender<Notice>) -> Result<Subscriber<()>, NodeError> {
+        let notify = notify.clone();
+        let watch = self
+            .session
+            .liveliness()
+            .declare_subscriber(keys::nodes(&self.options.run, Some(Role::Sim)))
+            .history(true)
+            .callback(move |sample| {
+                let Some(sim) = NodeId::parse(sample.key_expr().as_str()) else { return };
+                let notice = match sample.kind() {
+                    SampleKind::Put => Notice::Sim { version: sim.version },
+                    SampleKind::Delete => Notice::Stop(Stop::SimGone),
+                };
+                // Full: there is a notice to stop among those that wait.
+                let _ = notify.try_send(notice);
+            })
+            .wait();
+        Ok(watch.map_err(SessionError::bus("watch the simulator"))?)
+    }
+
+    fn stop_on_signals(&self, notify: &SyncSender<Notice>) -> Result<(), NodeError> {
+        let notify = notify.clone();
+        let set = ctrlc::set_handler(move || {
+            let _ = notify.try_send(Notice::Stop(Stop::Interrupted));
+        });
+        match set {
+            // Another node of this process has it; tests do that.
+            Ok(()) | Err(ctrlc::Error::MultipleHandlers) => Ok(()),
+            Err(e) => Err(NodeError::Signals(e.to_string())),
+        }
+    }
+}
+
+/// Nothing is ever written there; it ends when the parent closes it or dies.
+fn watch_standard_input(notify: SyncSender<Notice>) {
+    std::thread::spawn(move || {
+        let mut buffer = [0; 64];
+        while matches!(std::io::stdin().read(&mut buffer), Ok(1..)) {}
+        let _ = notify.try_send(Notice::Stop(Stop::ParentGone));
+    });
+}

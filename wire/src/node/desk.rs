@@ -1,0 +1,323 @@
+//! One worker's episodes as a node sees them, without IO: messages in, answers out.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use world::observation::{Briefing, Observation};
+use world::plan::{Prediction, UncheckedPrediction};
+use world::scene::SceneId;
+
+use super::{History, StepInput};
+use crate::convert::{MessageError, decode};
+use crate::keys::{Address, Channel, Role};
+use crate::{WIRE_VERSION, proto};
+
+/// What answers an episode's observations: a planner or a predictor. Its answer is already a message.
+pub(super) type Mind = Box<dyn FnMut(&StepInput<'_>) -> Result<Vec<u8>, String> + Send>;
+
+/// What a planner node and a predictor node do differently.
+pub(super) trait Service: Send + Sync {
+    fn role(&self) -> Role;
+    fn needs_prediction(&self) -> bool;
+    fn start(&self, briefing: &Briefing) -> Result<Mind, String>;
+    /// The message that says why there is no answer.
+    fn refusal(&self, step: u32, error: String) -> Vec<u8>;
+}
+
+/// A worker drives its episodes one after the other, so a desk has one at a time.
+pub(super) struct Desk {
+    service: Arc<dyn Service>,
+    episode: Option<Episode>,
+}
+
+struct Episode {
+    scene: SceneId,
+    /// Or why it cannot be driven: then every observation is answered with that.
+    mind: Result<(Briefing, History, Mind), String>,
+    /// Whichever of the two comes first waits for the other.
+    observation: Option<Observation>,
+    prediction: Option<Prediction>,
+}
+
+impl Desk {
+    pub(super) fn new(service: Arc<dyn Service>) -> Self {
+        Self { service, episode: None }
+    }
+
+    /// Whether the scene of this episode came.
+    pub(super) fn knows(&self, scene: &SceneId) -> bool {
+        self.episode.as_ref().is_some_and(|episode| episode.scene == *scene)
+    }
+
+    /// Takes a message in; gives the answer, where one is due, and the channel that it belongs on.
+    pub(super) fn take(&mut self, address: &Address, bytes: &[u8]) -> Option<(Channel, Vec<u8>)> {
+        match address.channel {
+            Channel::Scene => self.start(address, bytes),
+            Channel::Observation => return self.observe(address, bytes),
+            Channel::Prediction => return self.predicted(address, bytes),
+            Channel::End if self.knows(&address.scene) => self.episode = None,
+            _ => {}
+        }
+        None
+    }
+
+    fn start(&mut self, address: &Address, bytes: &[u8]) {
+        let service = &self.service;
+        let mind = briefing(bytes).and_then(|briefing| {
+            let mind = guarded(|| service.start(&briefing))?;
+            let history = History::new(&briefing);
+            Ok((briefing, history, mind))
+        });
+        if let Err(error) = &mind {
+            tracing::error!("{}: {error}", address.scene);
+        }
+        self.episode = Some(Episode { scene: address.scene.clone(), mind, observation: None, prediction: None });
+    }
+
+    fn observe(&mut self, address: &Address, bytes: &[u8]) -> Option<(Channel, Vec<u8>)> {
+        let observation = match decode::<proto::Observation>(bytes).and_then(Observation::try_from) {
+            Ok(observation) => observation,
+            // Without the step there is no way to answer: the simulator's deadline will tell.
+            Err(e) => return self.log(address, &e),
+        };
+        let Some(episode) = self.episode.as_mut().filter(|episode| episode.scene == address.scene) else {
+            return Some(self.refuse(observation.step, "its scene never came".to_owned()));
+        };
+        if let Ok((_, history, _)) = &mut episode.mind {
+            history.push(&observation);
+        }
+        episode.observation = Some(observation);
+        self.answer()
+    }
+
+    fn predicted(&mut self, address: &Address, bytes: &[u8]) -> Option<(Channel, Vec<u8>)> {
+        let Some(episode) = self.episode.as_mut().filter(|episode| episode.scene == address.scene) else { return None };
+        let prediction = decode::<proto::Prediction>(bytes).and_then(UncheckedPrediction::try_from);
+        match prediction.map_err(|e| e.to_string()).and_then(checked) {
+            Ok(prediction) => {
+                episode.prediction = Some(prediction);
+                self.answer()
+            }
+            Err(e) => self.log(address, &e),
+        }
+    }
+
+    /// The answer, once all that it needs is there.
+    fn answer(&mut self) -> Option<(Channel, Vec<u8>)> {
+        let needs_prediction = self.service.needs_prediction();
+        let episode = self.episode.as_mut()?;
+        let step = episode.observation.as_ref()?.step;
+        let (briefing, history, mind) = match &mut episode.mind {
+            Ok(mind) => mind,
+            Err(error) => {
+                let error = error.clone();
+                episode.observation = None;
+                return Some(self.refuse(step, error));
+            }
+        };
+        if needs_prediction && episode.prediction.as_ref().is_none_or(|prediction| prediction.step() != step) {
+            return None;
+        }
+        let observation = episode.observation.take()?;
+        let prediction = episode.prediction.take();
+        let input = StepInput { briefing, observation: &observation, history, prediction: prediction.as_ref() };
+        match guarded(|| mind(&input)) {
+            Ok(answer) => Some((self.channel(), answer)),
+            Err(error) => {
+                // What it was in the middle of is unknown: it is not asked again.
+                tracing::error!("{} step {step}: {error}", episode.scene);
+                episode.mind = Err(error.clone());
+                Some(self.refuse(step, error))
+            }
+        }
+    }
+
+    fn channel(&self) -> Channel {
+        if self.service.role() == Role::Predictor { Channel::Prediction } else { Channel::Plan }
+    }
+
+    fn refuse(&self, step: u32, error: String) -> (Channel, Vec<u8>) {
+        (self.channel(), self.service.refusal(step, error))
+    }
+
+    fn log(&self, address: &Address, error: &dyn std::fmt::Display) -> Option<(Channel, Vec<u8>)> {
+        tracing::error!("{} of {}: {error}", address.channel.name(), address.scene);
+        None
+    }
+}
+
+fn briefing(bytes: &[u8]) -> Result<Briefing, String> {
+    let scene = decode::<proto::Scene>(bytes).map_err(|e| e.to_string())?;
+    if scene.wire_version != WIRE_VERSION {
+        return Err(format!("the simulator speaks version {} of the messages, this node version {WIRE_VERSION}", scene.wire_version));
+    }
+    Briefing::try_from(scene).map_err(|e: MessageError| e.to_string())
+}
+
+/// What `work` says, or that it panicked and with which words.
+fn guarded<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(format!("it panicked: {}", words(panic.as_ref()))))
+}
+
+fn words(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<&str>().copied();
+    text.or_else(|| panic.downcast_ref::<String>().map(String::as_str)).unwrap_or("without a word")
+}
+
+/// Whole, whatever step it is for: that is compared when both are there.
+fn checked(prediction: UncheckedPrediction) -> Result<Prediction, String> {
+    let step = prediction.step;
+    prediction.check(step).map_err(|e| e.to_string())
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use prost::Message as _;
+    use world::plan::UncheckedPlan;
+    use world::reference_line::{ReferenceLine, ReferenceWindow};
+    use world::observation::{HistoryStep, ObservedAgent};
+    use world::scene::{AgentKind, AgentState, TrackId};
+
+    use super::super::{Planner, PlannerFactory, Planners};
+    use super::*;
+    use crate::keys::Worker;
+
+    pub(crate) fn briefing() -> Briefing {
+        let step = |log_index| HistoryStep { log_index, av: AgentState::default(), agents: vec![] };
+        Briefing {
+            scene: SceneId::new("s").unwrap(),
+            protocol: "strict".to_owned(),
+            start: 19,
+            horizon: 150,
+            wheelbase: 3.0,
+            map: Arc::default(),
+            route: vec![],
+            reference_line: Arc::default(),
+            history: (0..19).map(step).collect(),
+        }
+    }
+
+    pub(crate) fn observation(step: u32) -> Observation {
+        let agent = ObservedAgent { track: TrackId(7), kind: AgentKind::Vehicle, state: AgentState::default() };
+        Observation {
+            step,
+            log_index: 19 + step,
+            av: AgentState::default(),
+            control: Default::default(),
+            agents: vec![agent],
+            signals: vec![],
+            window: ReferenceWindow {
+                line: Arc::new(ReferenceLine::default()),
+                start: 0,
+                samples: 0,
+                first_sample: 0,
+                red_stops: vec![],
+            },
+        }
+    }
+
+    /// Fails, panics or answers, as its script says for each step.
+    struct Scripted {
+        needs_prediction: bool,
+    }
+
+    impl PlannerFactory for Scripted {
+        fn start(&self, _: &Briefing) -> Result<Box<dyn Planner>, String> {
+            Ok(Box::new(Script))
+        }
+
+        fn needs_prediction(&self) -> bool {
+            self.needs_prediction
+        }
+    }
+
+    struct Script;
+
+    impl Planner for Script {
+        fn plan(&mut self, step: &StepInput<'_>) -> Result<UncheckedPlan, String> {
+            match step.observation.step {
+                8 => Err("no way ahead".to_owned()),
+                9 => panic!("index 3 out of range"),
+                step => Ok(UncheckedPlan { step, ..Default::default() }),
+            }
+        }
+    }
+
+    fn desk(needs_prediction: bool) -> Desk {
+        Desk::new(Arc::new(Planners(Arc::new(Scripted { needs_prediction }))))
+    }
+
+    fn address(channel: Channel) -> Address {
+        Address { worker: Worker::numbered(0), scene: SceneId::new("s").unwrap(), channel }
+    }
+
+    fn tell(desk: &mut Desk, channel: Channel, message: &impl prost::Message) -> Option<proto::Plan> {
+        let (channel, bytes) = desk.take(&address(channel), &message.encode_to_vec())?;
+        assert_eq!(channel, Channel::Plan);
+        Some(proto::Plan::decode(bytes.as_slice()).unwrap())
+    }
+
+    fn observe(desk: &mut Desk, step: u32) -> Option<proto::Plan> {
+        tell(desk, Channel::Observation, &proto::Observation::from(&observation(step)))
+    }
+
+    fn scene() -> proto::Scene {
+        proto::Scene::from(&briefing())
+    }
+
+    #[test]
+    fn an_observation_is_answered() {
+        let mut desk = desk(false);
+        assert_eq!(tell(&mut desk, Channel::Scene, &scene()), None);
+        let plan = observe(&mut desk, 0).unwrap();
+        assert_eq!((plan.step, plan.error.as_str()), (0, ""));
+    }
+
+    #[test]
+    fn a_plan_waits_for_the_prediction_of_its_step() {
+        let mut desk = desk(true);
+        tell(&mut desk, Channel::Scene, &scene());
+        assert_eq!(observe(&mut desk, 1), None);
+        let prediction = |step| proto::Prediction { step, ..Default::default() };
+        assert_eq!(tell(&mut desk, Channel::Prediction, &prediction(0)), None);
+        assert_eq!(tell(&mut desk, Channel::Prediction, &prediction(1)).unwrap().step, 1);
+        // The other way round.
+        assert_eq!(tell(&mut desk, Channel::Prediction, &prediction(2)), None);
+        assert_eq!(observe(&mut desk, 2).unwrap().step, 2);
+    }
+
+    #[test]
+    fn an_error_is_told_and_the_planner_asked_no_more() {
+        let mut desk = desk(false);
+        tell(&mut desk, Channel::Scene, &scene());
+        assert_eq!(observe(&mut desk, 8).unwrap().error, "no way ahead");
+        assert_eq!(observe(&mut desk, 10).unwrap().error, "no way ahead");
+    }
+
+    #[test]
+    fn a_panic_is_told_and_the_next_episode_is_planned() {
+        let mut desk = desk(false);
+        tell(&mut desk, Channel::Scene, &scene());
+        assert_eq!(observe(&mut desk, 9).unwrap().error, "it panicked: index 3 out of range");
+        tell(&mut desk, Channel::Scene, &scene());
+        assert_eq!(observe(&mut desk, 0).unwrap().error, "");
+    }
+
+    #[test]
+    fn an_episode_is_forgotten_at_its_end() {
+        let mut desk = desk(false);
+        tell(&mut desk, Channel::Scene, &scene());
+        tell(&mut desk, Channel::End, &proto::EpisodeEnd::default());
+        assert!(!desk.knows(&SceneId::new("s").unwrap()));
+        assert_eq!(observe(&mut desk, 0).unwrap().error, "its scene never came");
+    }
+
+    #[test]
+    fn a_simulator_of_another_version_is_refused_with_both_versions() {
+        let mut desk = desk(false);
+        tell(&mut desk, Channel::Scene, &proto::Scene { wire_version: 99, ..scene() });
+        let error = observe(&mut desk, 0).unwrap().error;
+        assert_eq!(error, format!("the simulator speaks version 99 of the messages, this node version {WIRE_VERSION}"));
+    }
+}
