@@ -102,8 +102,12 @@ impl SetError {
     pub fn hint(&self) -> &'static str {
         match self {
             Self::Io { .. } => "see that the path is right and can be read",
-            Self::NoMatch { .. } | Self::BadGlob { .. } => "quote globs, so that the shell leaves them alone: 'data/*.tfrecord*'",
-            Self::EmptyFolder { .. } => "TFRecord files are known by `.tfrecord` in their names: name others one by one",
+            Self::NoMatch { .. } | Self::BadGlob { .. } => {
+                "quote globs, so that the shell leaves them alone: 'data/*.tfrecord*'"
+            }
+            Self::EmptyFolder { .. } => {
+                "TFRecord files are known by `.tfrecord` in their names: name others one by one"
+            }
             Self::NotRecognised { .. } => {
                 "give TFRecord files, folders or globs of them, a scene-set TOML (*.toml), or the word demo"
             }

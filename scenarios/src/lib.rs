@@ -8,6 +8,7 @@
 //! Readers are without IO at their core, take hostile bytes, and name file, record and offset in every error.
 
 mod error;
+pub mod generated;
 mod set;
 pub mod tfrecord;
 pub mod womd;

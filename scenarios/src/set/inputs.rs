@@ -1,11 +1,12 @@
 //! What an input means: a file, a folder, a glob, a scene-set TOML, or the word `demo`.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use super::file::SetFile;
-use super::{SceneEntry, scan};
+use super::{SceneEntry, generate, scan};
 use crate::error::SetError;
 use crate::tfrecord;
 
@@ -16,8 +17,10 @@ pub(super) fn open(input: &str, entries: &mut Vec<SceneEntry>) -> Result<(), Set
         Ok(metadata) if metadata.is_dir() => open_folder(path, entries),
         Ok(_) if path.extension().is_some_and(|extension| extension == "toml") => open_set_file(path, entries),
         Ok(_) => open_file(path, entries),
-        Err(_) if input == "demo" => Ok(()),
-        Err(error) if error.kind() == ErrorKind::NotFound && input.contains(['*', '?', '[']) => open_glob(input, entries),
+        Err(_) if input == "demo" => generate::demo(entries),
+        Err(error) if error.kind() == ErrorKind::NotFound && input.contains(['*', '?', '[']) => {
+            open_glob(input, entries)
+        }
         Err(source) => Err(SetError::Io { path: path.into(), source }),
     }
 }
@@ -89,14 +92,20 @@ fn open_set_file(path: &Path, entries: &mut Vec<SceneEntry>) -> Result<(), SetEr
         let folder = glob::Pattern::escape(&folder.to_string_lossy());
         open_glob(&Path::new(&folder).join(pattern).to_string_lossy(), &mut found)?;
     }
+    for wish in &set.generate {
+        generate::generate(path, wish, &mut found)?;
+    }
     if let Some(ids) = &set.scenes {
-        let missing = |id: &&String| !found.iter().any(|entry| entry.id.as_str() == id.as_str());
-        let missing: Vec<String> = ids.iter().filter(missing).cloned().collect();
-        if !missing.is_empty() {
-            return Err(SetError::UnknownScenes { path: path.into(), ids: missing });
-        }
-        found.retain(|entry| ids.iter().any(|id| entry.id.as_str() == id.as_str()));
+        keep(path, ids, &mut found)?;
     }
     entries.append(&mut found);
     Ok(())
+}
+
+fn keep(path: &Path, ids: &[String], entries: &mut Vec<SceneEntry>) -> Result<(), SetError> {
+    let wanted: BTreeSet<&str> = ids.iter().map(String::as_str).collect();
+    entries.retain(|entry| wanted.contains(entry.id.as_str()));
+    let found: BTreeSet<&str> = entries.iter().map(|entry| entry.id.as_str()).collect();
+    let missing: Vec<String> = wanted.difference(&found).map(ToString::to_string).collect();
+    if missing.is_empty() { Ok(()) } else { Err(SetError::UnknownScenes { path: path.into(), ids: missing }) }
 }

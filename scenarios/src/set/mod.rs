@@ -1,6 +1,7 @@
 //! Scene sets: where the scenes of a run come from, in a fixed order, each loaded when it is needed.
 
 mod file;
+mod generate;
 mod inputs;
 mod scan;
 
@@ -13,8 +14,9 @@ use std::sync::Arc;
 use world::scene::{Finding, Scene, SceneId};
 
 use crate::error::{RecordError, RecordProblem, SetError};
+use crate::generated::Family;
 use crate::tfrecord::{Records, StreamError};
-use crate::womd;
+use crate::womd::{self, WomdError};
 
 pub use file::{SetFile, TomlProblem};
 
@@ -34,12 +36,24 @@ pub enum Source {
         /// The masked CRC32C of the payload.
         checksum: u32,
     },
+    /// Made when it is loaded.
+    Generated {
+        /// The family.
+        family: &'static Family,
+        /// Where its random numbers start.
+        seed: u64,
+        /// The scene's number among those of this seed.
+        index: u32,
+    },
 }
 
 impl fmt::Display for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::File { path, record, .. } => write!(f, "{} (record {record})", path.display()),
+            Self::Generated { family, seed, index } => {
+                write!(f, "generated {}, seed {seed}, scene {index}", family.name)
+            }
         }
     }
 }
@@ -98,14 +112,43 @@ impl SceneSet {
     pub fn load(&self, index: usize) -> Result<(Arc<Scene>, Vec<Finding>), SetError> {
         let scenes = self.entries.len();
         let entry = self.entries.get(index).ok_or(SetError::Index { index, scenes })?;
-        let (scene, findings) = match &entry.source {
-            Source::File { path, record, offset, checksum, .. } => load_record(path, *record, *offset, *checksum)?,
-        };
+        let (scene, findings) = entry.read(womd::read)?;
         Ok((Arc::new(scene), findings))
+    }
+
+    /// The payload of scene `index` as it lies in its file, to be copied to another.
+    ///
+    /// # Errors
+    /// [`SetError`] if it cannot be read or has changed since the set was opened.
+    pub fn payload(&self, index: usize) -> Result<Vec<u8>, SetError> {
+        let scenes = self.entries.len();
+        let entry = self.entries.get(index).ok_or(SetError::Index { index, scenes })?;
+        entry.read(|payload| Ok(payload.to_vec()))
     }
 }
 
-fn load_record(path: &Path, record: u64, offset: u64, checksum: u32) -> Result<(Scene, Vec<Finding>), SetError> {
+impl SceneEntry {
+    fn read<T>(&self, take: impl FnOnce(&[u8]) -> Result<T, WomdError>) -> Result<T, SetError> {
+        match &self.source {
+            Source::File { path, record, offset, checksum, .. } => {
+                Ok(read_record(path, *record, *offset, *checksum, take)?)
+            }
+            Source::Generated { family, seed, index } => family
+                .payload(self.id.as_str(), *seed, *index)
+                .map_err(WomdError::from)
+                .and_then(|payload| take(&payload))
+                .map_err(|problem| SetError::Generated { id: self.id.to_string(), problem }),
+        }
+    }
+}
+
+fn read_record<T>(
+    path: &Path,
+    record: u64,
+    offset: u64,
+    checksum: u32,
+    take: impl FnOnce(&[u8]) -> Result<T, WomdError>,
+) -> Result<T, RecordError> {
     let error = |problem| RecordError { path: PathBuf::from(path), record, offset, problem };
     let open = || -> std::io::Result<File> {
         let mut file = File::open(path)?;
@@ -115,11 +158,9 @@ fn load_record(path: &Path, record: u64, offset: u64, checksum: u32) -> Result<(
     let file = open().map_err(|e| error(RecordProblem::Io(e)))?;
     let mut records = Records::starting_at(BufReader::new(file), record, offset);
     match records.next_record() {
-        Ok(Some(record)) if record.checksum == checksum => {
-            Ok(womd::read(record.payload).map_err(|e| error(RecordProblem::Womd(e)))?)
-        }
+        Ok(Some(found)) if found.checksum == checksum => take(found.payload).map_err(|e| error(RecordProblem::Womd(e))),
         // It was sound when the set was opened.
-        Ok(_) | Err(StreamError::Frame(_)) => Err(error(RecordProblem::Changed).into()),
-        Err(StreamError::Io { source, .. }) => Err(error(RecordProblem::Io(source)).into()),
+        Ok(_) | Err(StreamError::Frame(_)) => Err(error(RecordProblem::Changed)),
+        Err(StreamError::Io { source, .. }) => Err(error(RecordProblem::Io(source))),
     }
 }

@@ -8,8 +8,7 @@ use world::signal::SignalState;
 const AGENTS: [AgentKind; 5] =
     [AgentKind::Other, AgentKind::Vehicle, AgentKind::Pedestrian, AgentKind::Cyclist, AgentKind::Other];
 
-const LANES: [LaneKind; 4] =
-    [LaneKind::Undefined, LaneKind::Freeway, LaneKind::SurfaceStreet, LaneKind::BikeLane];
+const LANES: [LaneKind; 4] = [LaneKind::Undefined, LaneKind::Freeway, LaneKind::SurfaceStreet, LaneKind::BikeLane];
 
 const LINES: [RoadLineKind; 9] = [
     RoadLineKind::Unknown,

@@ -3,7 +3,10 @@
 //!
 //! Absent scalars are 0, as the data set means them. Repeated scalars are read packed and unpacked, and written as the
 //! originals have them. Fields that no driver needs (lidar, camera tokens) are skipped unread.
-#![allow(missing_docs, reason = "the fields are the data set's; world::scene, world::map and world::signal explain them")]
+#![allow(
+    missing_docs,
+    reason = "the fields are the data set's; world::scene, world::map and world::signal explain them"
+)]
 
 #[derive(Clone, PartialEq, prost::Message)]
 pub struct Scenario {

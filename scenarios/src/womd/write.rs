@@ -78,14 +78,8 @@ fn features(map: &Map) -> Vec<message::MapFeature> {
     let line = |kind, polyline: &[Point3]| message::Line { r#type: kind, polyline: points(polyline) };
     let polygon = |area: &Area| message::Polygon { polygon: points(&area.polygon) };
     let lanes = map.lanes.iter().map(|lane| feature(lane.id, FeatureData::Lane(lane_center(lane))));
-    let lines = map
-        .road_lines
-        .iter()
-        .map(|l| feature(l.id, FeatureData::RoadLine(line(l.kind.number(), &l.polyline))));
-    let edges = map
-        .road_edges
-        .iter()
-        .map(|e| feature(e.id, FeatureData::RoadEdge(line(e.kind.number(), &e.polyline))));
+    let lines = map.road_lines.iter().map(|l| feature(l.id, FeatureData::RoadLine(line(l.kind.number(), &l.polyline))));
+    let edges = map.road_edges.iter().map(|e| feature(e.id, FeatureData::RoadEdge(line(e.kind.number(), &e.polyline))));
     let signs = map.stop_signs.iter().map(|sign| {
         let (lane, position) = (ids(&sign.lanes), Some(point(&sign.position)));
         feature(sign.id, FeatureData::StopSign(message::StopSign { lane, position }))
