@@ -9,6 +9,7 @@
 
 mod error;
 pub mod generated;
+pub mod lint;
 mod set;
 pub mod tfrecord;
 pub mod womd;

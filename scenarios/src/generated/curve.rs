@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use world::geometry::{Point, Point3, Pose, wrap_angle};
 
 /// Distance between two samples of a curve as it is laid (m).
-const SAMPLE: f64 = 0.05;
+const SAMPLE: f64 = 0.1;
 
 /// Distance between two points of a map's polyline (m), as in WOMD.
 const MAP_SPACING: f64 = 0.5;

@@ -12,6 +12,8 @@
 mod curve;
 mod families;
 mod junction;
+#[cfg(test)]
+mod laws;
 mod motion;
 mod pcg;
 mod roads;

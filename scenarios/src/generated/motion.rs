@@ -18,8 +18,8 @@ const BRAKING: f64 = 1.8;
 const HARDEST_BRAKING: f64 = 3.5;
 /// Bound of the jerk (m/s^3).
 const JERK: f64 = 3.0;
-/// Sideways acceleration that is accepted in a bend (m/s^2).
-const LATERAL: f64 = 1.8;
+/// Sideways acceleration that is aimed at in a bend (m/s^2); the model brakes by being too fast, so it comes to 1.4 times that.
+const LATERAL: f64 = 1.4;
 /// Integration steps in a step of the log.
 const SUBSTEPS: usize = 10;
 

@@ -68,10 +68,7 @@ fn ramp(merged: Pose) -> Curve {
     let back = Pose::new(merged.x, merged.y, merged.heading + std::f64::consts::PI);
     // Driven forward it bends to the right, to lie along the road; so backwards to the left.
     let [bend_in, arc, bend_out] = turn(0.16, 300.0, 30.0);
-    let ramp = Curve::new(back, &[bend_in, arc, bend_out, straight(125.0)]).reversed();
-    let turns = merged.heading - ramp.end().heading;
-    debug_assert!(turns.abs() < 7.0);
-    ramp
+    Curve::new(back, &[bend_in, arc, bend_out, straight(125.0)]).reversed()
 }
 
 /// The road's left curb; its right curb up to the gore, back along the ramp's left side; the ramp's right curb, which becomes the road's.
@@ -81,11 +78,13 @@ fn lay_curbs(ramp: &Curve, whole: &Road, map: &mut MapBuilder) {
     let right = whole.forward_lane(1).shifted(-side);
     let ramp_left = ramp.shifted(side);
     let road_right_y = right.start().y;
-    let gore = (0..ramp_left.length() as usize)
-        .map(|metre| metre as f64)
-        .find(|station| ramp_left.pose(*station).y >= road_right_y)
-        .unwrap_or(0.0);
-    map.edge(&right.slice(0.0, ramp_left.pose(gore).x));
-    map.edge(&ramp_left.slice(0.0, gore).reversed());
+    // The ramp comes from the right, so its left side rises to the road's right curb.
+    let (mut below, mut above) = (0.0, ramp_left.length());
+    for _ in 0..50 {
+        let gore = 0.5 * (below + above);
+        if ramp_left.pose(gore).y < road_right_y { below = gore } else { above = gore }
+    }
+    let road_side = right.slice(0.0, ramp_left.pose(below).x);
+    map.edge(&road_side.then(&ramp_left.slice(0.0, below).reversed()));
     map.edge(&ramp.shifted(-side).then(&right.slice(MERGED, right.length())));
 }

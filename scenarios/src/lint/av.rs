@@ -1,0 +1,114 @@
+//! What the logged AV itself does wrong; a judge of the driver `human` finds the same.
+
+use world::geometry::{Point, SegmentGrid, boxes_overlap};
+use world::scene::{AgentState, Scene};
+
+use super::{Lint, Steps};
+
+/// Off road by less than this counts as on it (m): edges are surveyed, boxes are estimated. nuPlan's tolerance.
+const EDGE_TOLERANCE: f64 = 0.3;
+/// An AV farther than this from every lane's centre follows none (m).
+const FAR_FROM_LANE: f64 = 3.0;
+/// How far is looked for edges and lanes (m).
+const SEARCH: f64 = 50.0;
+/// An AV that moves less than this is parked (m).
+const PARKED: f64 = 5.0;
+
+pub(super) fn lint(scene: &Scene, lints: &mut Vec<Lint>) {
+    let av: Vec<(usize, AgentState)> =
+        scene.av().states.iter().enumerate().filter_map(|(step, state)| Some((step, (*state)?))).collect();
+    overlaps(scene, &av, lints);
+    off_road(scene, &av, lints);
+    far_from_lane(scene, &av, lints);
+    red_lights(scene, &av, lints);
+    let meters: f64 = av.windows(2).map(|pair| pair[0].1.position().distance(pair[1].1.position())).sum();
+    if meters < PARKED {
+        lints.push(Lint::AvParked { meters });
+    }
+}
+
+fn overlaps(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) {
+    for (index, track) in scene.tracks().iter().enumerate() {
+        if index == scene.av_index() {
+            continue;
+        }
+        let mut steps = Steps::default();
+        for (step, av) in av {
+            if track.states[*step].is_some_and(|other| boxes_overlap(&av.oriented_box(), &other.oriented_box())) {
+                steps.push(*step);
+            }
+        }
+        if !steps.is_empty() {
+            lints.push(Lint::AvOverlap { track: track.id, kind: track.kind, steps });
+        }
+    }
+}
+
+fn off_road(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) {
+    let edges = &scene.map().road_edges;
+    if edges.is_empty() {
+        lints.push(Lint::NoRoadEdges);
+        return;
+    }
+    let grid = SegmentGrid::new(edges.iter().map(|edge| (0, edge.polyline.iter().map(|p| p.xy()))), 5.0);
+    let (mut worst, mut steps) = (0.0_f64, Steps::default());
+    for (step, av) in av {
+        let beyond = |corner: Point| {
+            let edge = grid.nearest(corner, SEARCH).filter(|edge| !edge.beyond_end)?;
+            Some(-edge.signed_distance)
+        };
+        let beyond = av.oriented_box().corners().into_iter().filter_map(beyond).fold(0.0, f64::max);
+        if beyond > EDGE_TOLERANCE {
+            worst = worst.max(beyond);
+            steps.push(*step);
+        }
+    }
+    if !steps.is_empty() {
+        lints.push(Lint::AvOffRoad { worst, steps });
+    }
+}
+
+fn far_from_lane(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) {
+    let lanes = scene.map().lanes.iter().filter(|lane| lane.kind.is_drivable());
+    let grid = SegmentGrid::new(lanes.map(|lane| (0, lane.centerline.iter().map(|p| p.xy()))), 5.0);
+    if grid.is_empty() {
+        lints.push(Lint::NoDrivableLane);
+        return;
+    }
+    let (mut worst, mut steps) = (0.0_f64, Steps::default());
+    for (step, av) in av {
+        let distance = grid.nearest(av.position(), SEARCH).map_or(SEARCH, |lane| lane.distance());
+        if distance > FAR_FROM_LANE {
+            worst = worst.max(distance);
+            steps.push(*step);
+        }
+    }
+    if !steps.is_empty() {
+        lints.push(Lint::AvFarFromLane { worst, steps });
+    }
+}
+
+/// The front bumper passes a red signal's stop point: it was behind it, is past it, and within half a lane's width beside it.
+fn red_lights(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) {
+    let mut crossed = std::collections::BTreeSet::new();
+    for pair in av.windows(2) {
+        let ((_, before), (step, now)) = (pair[0], pair[1]);
+        for signal in scene.signals(step).iter().filter(|signal| signal.state.is_red()) {
+            let stop = signal.stop_point.xy();
+            let ahead = |state: &AgentState| {
+                let front = state.oriented_box().front();
+                let seen = world::geometry::Pose::new(front.x, front.y, state.heading).to_body(stop);
+                (seen.x, seen.y.abs())
+            };
+            let ((was_ahead, _), (is_ahead, beside)) = (ahead(&before), ahead(&now));
+            if was_ahead >= 0.0 && is_ahead < 0.0 && beside < 1.75 && crossed.insert((step, stop_key(stop))) {
+                lints.push(Lint::AvRunsRed { lane: signal.lane, step });
+            }
+        }
+    }
+}
+
+/// Several controlled lanes share a stop point: it counts once.
+fn stop_key(point: Point) -> (i64, i64) {
+    ((point.x * 100.0) as i64, (point.y * 100.0) as i64)
+}

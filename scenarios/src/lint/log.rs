@@ -1,0 +1,57 @@
+//! What is odd in the log: time, jumps, signals, speed limits.
+
+use world::plan::STEP_SECONDS;
+use world::scene::Scene;
+
+use super::Lint;
+
+/// Farther than this in a step nobody goes (m): 144 km/h.
+const TELEPORT: f64 = 4.0;
+/// Steps that differ from 0.1 s by less are regular (s).
+const TIME_TOLERANCE: f64 = 0.025;
+/// The strict protocol's last log index, and one.
+const STEPS_OF_A_DRIVE: usize = 170;
+
+pub(super) fn lint(scene: &Scene, lints: &mut Vec<Lint>) {
+    teleports(scene, lints);
+    time(scene, lints);
+    let steps = scene.steps();
+    if steps < STEPS_OF_A_DRIVE {
+        lints.push(Lint::Short { steps });
+    }
+    match (0..steps).filter(|step| !scene.signals(*step).is_empty()).count() {
+        0 => lints.push(Lint::NoSignals),
+        with if with < steps => lints.push(Lint::PartialSignals { with, steps }),
+        _ => {}
+    }
+    let lanes = &scene.map().lanes;
+    if !lanes.is_empty() && lanes.iter().all(|lane| lane.speed_limit().is_none()) {
+        lints.push(Lint::NoSpeedLimits);
+    }
+}
+
+/// A dropped frame makes a longer step: what counts is the way in 0.1 s.
+fn teleports(scene: &Scene, lints: &mut Vec<Lint>) {
+    let times = scene.timestamps();
+    for track in scene.tracks() {
+        let jump = |step: usize| {
+            let (before, now) = (track.states[step - 1]?, track.states[step]?);
+            let meters = before.position().distance(now.position());
+            let tenths = ((times[step] - times[step - 1]) / STEP_SECONDS).max(1.0);
+            (meters > TELEPORT * tenths).then_some((step, meters))
+        };
+        let mut jumps = (1..track.states.len()).filter_map(jump);
+        if let Some((step, meters)) = jumps.next() {
+            lints.push(Lint::Teleport { track: track.id, step, meters, times: 1 + jumps.count() });
+        }
+    }
+}
+
+fn time(scene: &Scene, lints: &mut Vec<Lint>) {
+    let steps = || scene.timestamps().windows(2).map(|pair| pair[1] - pair[0]).enumerate();
+    let shortest = steps().map(|(_, seconds)| seconds).fold(f64::INFINITY, f64::min);
+    let (index, longest) = steps().fold((0, 0.0), |best, step| if step.1 > best.1 { step } else { best });
+    if longest > STEP_SECONDS + TIME_TOLERANCE || shortest < STEP_SECONDS - TIME_TOLERANCE {
+        lints.push(Lint::IrregularTime { shortest, longest, step: index + 1 });
+    }
+}
