@@ -7,15 +7,20 @@
 //! | --- | --- |
 //! | [`geometry`] | points, poses, angles, oriented boxes, polylines, grids that find what is near |
 //! | [`scene`], [`map`], [`signal`] | one logged stretch of traffic, checked and immutable |
-//! | [`reference_line`] | the line to follow, and its window |
+//! | [`lane_graph`], [`map_matching`] | how lanes hang together; which one a pose is on |
+//! | [`route`], [`reference_line`] | the lanes to follow, the smooth line along them, its window at a step |
 //! | [`vehicle`] | how the AV moves: the kinematic bicycle model and its limits |
 //! | [`observation`], [`plan`] | what a driver is told and what it answers |
 
 pub mod geometry;
+pub mod lane_graph;
 pub mod map;
+pub mod map_matching;
 pub mod observation;
 pub mod plan;
 pub mod reference_line;
+pub mod route;
 pub mod scene;
 pub mod signal;
+mod spline;
 pub mod vehicle;

@@ -3,6 +3,8 @@
 
 use std::sync::Arc;
 
+use crate::geometry::{Point, Pose};
+
 /// Distance between two samples along the line (m).
 pub const SAMPLE_SPACING: f64 = 0.1;
 
@@ -31,6 +33,32 @@ pub struct ReferenceLine {
     pub crosswalk: Vec<bool>,
 }
 
+impl ReferenceLine {
+    /// Number of samples.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.x.len()
+    }
+
+    /// Whether there is no sample.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.x.is_empty()
+    }
+
+    /// Where sample `index` lies.
+    #[must_use]
+    pub fn point(&self, index: usize) -> Point {
+        Point::new(self.x[index], self.y[index])
+    }
+
+    /// Place and heading of sample `index`.
+    #[must_use]
+    pub fn pose(&self, index: usize) -> Pose {
+        Pose::new(self.x[index], self.y[index], self.heading[index])
+    }
+}
+
 /// A line's stretch around the AV at a step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReferenceWindow {
@@ -42,6 +70,6 @@ pub struct ReferenceWindow {
     pub samples: usize,
     /// Number of the first sample in the whole line, for the station: equal to `start` in the simulator.
     pub first_sample: usize,
-    /// Samples (counted from the window's first) at which a red signal's stop point lies on the line at this step.
+    /// Samples (counted from the window's first) at which a red signal's stop point lies on the line at this step, ascending.
     pub red_stops: Vec<u32>,
 }

@@ -241,7 +241,7 @@ mod tests {
     fn constant_steering_drives_a_circle_of_wheelbase_over_tangent() {
         let model = BicycleModel::default();
         let steering: f64 = 0.2;
-        let radius = WHEELBASE / steering.tan();
+        let radius = WHEELBASE / libm::tan(steering);
         // Fine steps: the circle's centre is on the left.
         let mut state = VehicleState { speed: 5.0, ..Default::default() };
         for _ in 0..10_000 {
@@ -282,9 +282,11 @@ mod tests {
     #[test]
     fn the_authors_update_position_with_the_new_speed_and_heading() {
         let state = BicycleModel::authors_test().step(VehicleState::default(), control(5.0, 0.5), DT);
-        let heading = 0.5 / WHEELBASE * 0.5_f64.tan() * DT;
+        let heading = 0.5 / WHEELBASE * libm::tan(0.5) * DT;
         assert!((state.heading - heading).abs() < 1e-15);
-        assert!((state.x - 0.05 * heading.cos()).abs() < 1e-15 && (state.y - 0.05 * heading.sin()).abs() < 1e-15);
+        assert!(
+            (state.x - 0.05 * libm::cos(heading)).abs() < 1e-15 && (state.y - 0.05 * libm::sin(heading)).abs() < 1e-15
+        );
     }
 
     #[test]

@@ -116,7 +116,7 @@ mod tests {
             let index = |found: Option<(usize, f64)>| found.map(|(index, _)| index);
             prop_assert_eq!(index(grid.nearest(point)), brute(&points, point, |_| true));
             prop_assert_eq!(grid.nearest_from(point, hint), grid.nearest(point));
-            let accept = |index: usize| index % modulus == 0;
+            let accept = |index: usize| index.is_multiple_of(modulus);
             prop_assert_eq!(index(grid.nearest_where(point, accept)), brute(&points, point, accept));
             let mut near = Vec::new();
             grid.for_each_near(point, radius, |index| near.push(index));

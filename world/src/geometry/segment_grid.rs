@@ -190,11 +190,10 @@ fn join_chains(segments: &mut [ChainedSegment]) {
         }
     }
     for index in 0..segments.len() {
-        if segments[index].next == NONE && segments[index].segment.length() > 0.0 {
-            if let Some(next) = beginnings.remove(&key(segments[index].segment.end)) {
-                segments[index].next = next as u32;
-                segments[next].previous = index as u32;
-            }
+        let free_end = segments[index].next == NONE && segments[index].segment.length() > 0.0;
+        if let Some(next) = free_end.then(|| beginnings.remove(&key(segments[index].segment.end))).flatten() {
+            segments[index].next = next as u32;
+            segments[next].previous = index as u32;
         }
     }
 }

@@ -1,0 +1,191 @@
+//! Which point of which lane a pose is on.
+
+use crate::geometry::{Point, Point3, PointGrid, Pose};
+use crate::map::Map;
+
+/// How far a lane point's heading may differ from the pose's in the authors' rule (rad): 10 degrees, inclusive.
+pub const HEADING_TOLERANCE: f64 = 10.0 * std::f64::consts::PI / 180.0;
+
+/// All points of all lanes, lanes in the map's order, with their headings, in a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LanePoints {
+    /// For each lane the number of its first point; one more than there are lanes.
+    firsts: Vec<usize>,
+    /// For each point its lane's index.
+    lanes: Vec<u32>,
+    headings: Vec<f64>,
+    heights: Vec<f64>,
+    grid: PointGrid,
+}
+
+/// A point of a lane that a pose is matched to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LaneMatch {
+    /// The lane, by its index in [`Map::lanes`].
+    pub lane: usize,
+    /// The point, by its index in the lane's center line.
+    pub point: usize,
+    /// Distance to it (m).
+    pub distance: f64,
+}
+
+impl LanePoints {
+    /// The points of every lane of `map` that `accept` takes, by index.
+    #[must_use]
+    pub fn new(map: &Map, accept: impl Fn(usize) -> bool) -> Self {
+        let (mut firsts, mut lanes, mut headings) = (vec![0], Vec::new(), Vec::new());
+        let (mut points, mut heights) = (Vec::new(), Vec::new());
+        for (index, lane) in map.lanes.iter().enumerate() {
+            if accept(index) {
+                points.extend(lane.centerline.iter().map(|point| point.xy()));
+                heights.extend(lane.centerline.iter().map(|point| point.z));
+                headings.extend(lane_headings(&lane.centerline));
+                lanes.resize(points.len(), index as u32);
+            }
+            firsts.push(points.len());
+        }
+        Self { firsts, lanes, headings, heights, grid: PointGrid::new(points, 4.0) }
+    }
+
+    /// The authors' rule: of all points whose heading differs by at most [`HEADING_TOLERANCE`] the nearest; the first of
+    /// equals. No distance is too far, and no lane graph is looked at.
+    ///
+    /// Their heading difference |a - b|, above pi replaced by 2 pi - |a - b|, is right only where both lie within pi of
+    /// zero; a pose whose heading has wound up further may match nothing or a wrong lane, here as there.
+    #[must_use]
+    pub fn authors_match(&self, pose: Pose) -> Option<LaneMatch> {
+        let accept = |number: usize| authors_difference(pose.heading, self.headings[number]) <= HEADING_TOLERANCE;
+        let (number, distance) = self.grid.nearest_where(pose.position(), accept)?;
+        Some(self.matched(number, distance))
+    }
+
+    /// The nearest point whose heading differs by at most `tolerance` (rad, on the circle); the first of equals.
+    #[must_use]
+    pub fn nearest(&self, pose: Pose, tolerance: f64) -> Option<LaneMatch> {
+        let accept =
+            |number: usize| crate::geometry::angle_difference(pose.heading, self.headings[number]).abs() <= tolerance;
+        let (number, distance) = self.grid.nearest_where(pose.position(), accept)?;
+        Some(self.matched(number, distance))
+    }
+
+    /// Calls `visit` with each lane point within `radius` metres, in no order to rely on.
+    pub fn for_each_near(&self, point: Point, radius: f64, mut visit: impl FnMut(LaneMatch)) {
+        self.grid.for_each_near(point, radius, |number| {
+            visit(self.matched(number, point.distance(self.grid.points()[number])));
+        });
+    }
+
+    /// The heading of a lane at one of its points (rad).
+    #[must_use]
+    pub fn heading(&self, matched: &LaneMatch) -> f64 {
+        self.headings[self.firsts[matched.lane] + matched.point]
+    }
+
+    /// The point itself, with its height.
+    #[must_use]
+    pub fn point(&self, matched: &LaneMatch) -> Point3 {
+        let number = self.firsts[matched.lane] + matched.point;
+        let Point { x, y } = self.grid.points()[number];
+        Point3::new(x, y, self.heights[number])
+    }
+
+    fn matched(&self, number: usize, distance: f64) -> LaneMatch {
+        let lane = self.lanes[number] as usize;
+        LaneMatch { lane, point: number - self.firsts[lane], distance }
+    }
+}
+
+/// The direction from each point to the next; the last one's is repeated, a single point's is 0.
+fn lane_headings(points: &[Point3]) -> Vec<f64> {
+    let mut headings: Vec<f64> = points.windows(2).map(|pair| (pair[1].xy() - pair[0].xy()).heading()).collect();
+    if !points.is_empty() {
+        headings.push(headings.last().copied().unwrap_or(0.0));
+    }
+    headings
+}
+
+fn authors_difference(a: f64, b: f64) -> f64 {
+    let difference = (a - b).abs();
+    if difference > std::f64::consts::PI { std::f64::consts::TAU - difference } else { difference }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::map::{Lane, MapId};
+
+    fn map(lanes: &[Vec<(f64, f64)>]) -> Map {
+        let lane = |(index, points): (usize, &Vec<(f64, f64)>)| Lane {
+            id: MapId(index as i64 + 1),
+            centerline: points.iter().map(|(x, y)| Point3::new(*x, *y, 0.0)).collect(),
+            ..Lane::default()
+        };
+        Map { lanes: lanes.iter().enumerate().map(lane).collect(), ..Map::default() }
+    }
+
+    fn points(lanes: &[Vec<(f64, f64)>]) -> LanePoints {
+        LanePoints::new(&map(lanes), |_| true)
+    }
+
+    #[test]
+    fn the_nearer_lane_of_another_direction_is_not_taken() {
+        let lanes = points(&[vec![(0.0, 0.0), (0.0, 9.0)], vec![(0.0, 5.0), (9.0, 5.0)]]);
+        let east = lanes.authors_match(Pose::new(0.0, 1.0, 0.1)).unwrap();
+        assert_eq!((east.lane, east.point, east.distance), (1, 0, 4.0));
+        assert_eq!(lanes.authors_match(Pose::new(0.0, 1.0, 0.8)), None);
+    }
+
+    #[test]
+    fn a_shared_point_goes_to_the_lane_that_comes_first() {
+        let lanes = points(&[vec![(5.0, 0.0), (9.0, 0.0)], vec![(0.0, 0.0), (5.0, 0.0)]]);
+        let shared = lanes.authors_match(Pose::new(5.0, 1.0, 0.0)).unwrap();
+        assert_eq!((shared.lane, shared.point), (0, 0));
+    }
+
+    #[test]
+    fn a_lane_of_one_point_looks_east() {
+        let lanes = points(&[vec![(3.0, 3.0)]]);
+        assert!(lanes.authors_match(Pose::new(0.0, 0.0, 0.1)).is_some());
+        assert!(lanes.authors_match(Pose::new(0.0, 0.0, 1.0)).is_none());
+    }
+
+    #[test]
+    fn a_heading_wound_up_past_a_full_turn_misleads_the_authors_rule_but_not_ours() {
+        let lanes = points(&[vec![(0.0, 0.0), (9.0, 0.0)]]);
+        let wound_up = Pose::new(1.0, 0.0, 4.0 * std::f64::consts::PI);
+        // |a - b| = 4 pi becomes -2 pi, which passes for any tolerance; three turns pass for a lane across as well.
+        assert!(lanes.authors_match(Pose::new(1.0, 0.0, 2.0 * std::f64::consts::PI + 1.5)).is_some());
+        assert!(lanes.nearest(Pose::new(1.0, 0.0, 2.0 * std::f64::consts::PI + 1.5), 0.5).is_none());
+        assert!(lanes.nearest(wound_up, 0.5).is_some());
+    }
+
+    #[test]
+    fn a_map_without_lanes_matches_nothing() {
+        assert_eq!(points(&[]).authors_match(Pose::default()), None);
+    }
+
+    proptest! {
+        #[test]
+        fn the_grid_matches_as_the_authors_search_of_all_points_does(
+            lanes in prop::collection::vec(prop::collection::vec((-9_i32..9, -9_i32..9), 1..8), 0..6),
+            (x, y, heading) in (-12_i32..12, -12_i32..12, -7.0..7.0),
+        ) {
+            let lanes: Vec<Vec<(f64, f64)>> =
+                lanes.iter().map(|l| l.iter().map(|(x, y)| (f64::from(*x), f64::from(*y))).collect()).collect();
+            let pose = Pose::new(f64::from(x), f64::from(y), heading);
+            let mut best: Option<LaneMatch> = None;
+            for (lane, line) in map(&lanes).lanes.iter().enumerate() {
+                for (point, heading) in lane_headings(&line.centerline).into_iter().enumerate() {
+                    let distance = pose.position().distance(line.centerline[point].xy());
+                    let fits = authors_difference(pose.heading, heading) <= HEADING_TOLERANCE;
+                    if fits && best.is_none_or(|best| distance < best.distance) {
+                        best = Some(LaneMatch { lane, point, distance });
+                    }
+                }
+            }
+            prop_assert_eq!(points(&lanes).authors_match(pose), best);
+        }
+    }
+}

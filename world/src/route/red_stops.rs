@@ -1,0 +1,93 @@
+//! Where signals stop the route: for every stop point of the log the rows of the line that it rules, found beforehand.
+
+use super::RouteStyle;
+use crate::geometry::{Point, PointGrid};
+use crate::map::MapId;
+use crate::scene::Scene;
+use crate::signal::{Signal, SignalState};
+
+/// The authors' reach of a stop point (m, exclusive).
+const PAPER_REACH: f64 = 0.2;
+
+/// How far beside the line the stop point of a lane of the route may lie (m).
+const STRICT_REACH: f64 = 1.5;
+
+/// A stop point that rules the route.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RouteStop {
+    /// The lane behind it, which a signal rules.
+    pub lane: MapId,
+    /// Where to stop.
+    pub point: Point,
+    /// The samples of the line that it rules, ascending; at least one.
+    pub samples: Vec<u32>,
+}
+
+/// The stop points on a route, in ascending order of lane and place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RouteStops {
+    style: RouteStyle,
+    stops: Vec<RouteStop>,
+}
+
+type Key = (MapId, u64, u64);
+
+fn key(lane: MapId, point: Point) -> Key {
+    (lane, point.x.to_bits(), point.y.to_bits())
+}
+
+impl RouteStops {
+    /// Those of the stop points that any step of `scene` reports which rule the line.
+    pub(super) fn new(scene: &Scene, style: RouteStyle, lanes: &[MapId], samples: &PointGrid) -> Self {
+        let reported = (0..scene.steps()).flat_map(|step| scene.signals(step));
+        let rules = |signal: &&Signal| style == RouteStyle::Paper || lanes.contains(&signal.lane);
+        let mut places: Vec<(MapId, Point)> =
+            reported.filter(rules).map(|signal| (signal.lane, signal.stop_point.xy())).collect();
+        places.sort_unstable_by_key(|(lane, point)| key(*lane, *point));
+        places.dedup_by_key(|(lane, point)| key(*lane, *point));
+        let stop = |(lane, point): (MapId, Point)| {
+            let samples = rows(style, samples, point);
+            (!samples.is_empty()).then_some(RouteStop { lane, point, samples })
+        };
+        Self { style, stops: places.into_iter().filter_map(stop).collect() }
+    }
+
+    /// All of them.
+    #[must_use]
+    pub fn all(&self) -> &[RouteStop] {
+        &self.stops
+    }
+
+    /// The stop point that `signal` rules, whatever it shows.
+    #[must_use]
+    pub fn find(&self, signal: &Signal) -> Option<&RouteStop> {
+        let wanted = key(signal.lane, signal.stop_point.xy());
+        let found = self.stops.binary_search_by_key(&wanted, |stop| key(stop.lane, stop.point));
+        found.ok().map(|index| &self.stops[index])
+    }
+
+    /// The samples at which `signal` stops the route now; none unless it is red.
+    #[must_use]
+    pub fn red_rows(&self, signal: &Signal) -> &[u32] {
+        let red = signal.state.is_red()
+            // The authors take a flashing stop, which is a stop sign, for a red light.
+            || (self.style == RouteStyle::Paper && signal.state == SignalState::FlashingStop);
+        if red { self.find(signal).map_or(&[], |stop| &stop.samples) } else { &[] }
+    }
+}
+
+fn rows(style: RouteStyle, samples: &PointGrid, point: Point) -> Vec<u32> {
+    let mut rows = Vec::new();
+    match style {
+        RouteStyle::Paper => {
+            let near = |row: &usize| point.distance(samples.points()[*row]) < PAPER_REACH;
+            samples.for_each_near(point, PAPER_REACH, |row| rows.extend(Some(row).filter(near).map(|row| row as u32)));
+        }
+        RouteStyle::Strict => {
+            let nearest = samples.nearest(point).filter(|(_, distance)| *distance <= STRICT_REACH);
+            rows.extend(nearest.map(|(row, _)| row as u32));
+        }
+    }
+    rows.sort_unstable();
+    rows
+}

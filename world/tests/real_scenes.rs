@@ -1,0 +1,117 @@
+//! Routes of real scenes: the authors' construction against vectors of their code, ours against the human's drive.
+//!
+//! Needs the scenes and vectors that are no part of the repository (`RELOOP_SHARED`, or `shared` beside it); skips without.
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test")]
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use world::geometry::{Point, angle_difference};
+use world::route::{Route, RouteError, RouteStyle};
+use world::scene::Scene;
+
+fn shared(folder: &str) -> Option<PathBuf> {
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let places = [
+        std::env::var_os("RELOOP_SHARED").map(PathBuf::from),
+        Some(repository.join("../shared")),
+        Some(repository.join("../../shared")),
+    ];
+    let found = places.into_iter().flatten().map(|place| place.join(folder)).find(|place| place.is_dir());
+    if found.is_none() {
+        eprintln!("skipped: no shared/{folder} beside the repository, and RELOOP_SHARED names none");
+    }
+    found
+}
+
+fn scenes(folder: &str) -> Vec<Arc<Scene>> {
+    let Some(folder) = shared(folder) else { return Vec::new() };
+    let set = scenarios::SceneSet::open(&[folder.to_str().unwrap().to_owned()]).unwrap();
+    (0..set.entries().len()).map(|index| set.load(index).unwrap().0).collect()
+}
+
+/// An array of an npz file, row by row.
+fn array(file: &Path, name: &str) -> Vec<f64> {
+    let mut archive = npyz::npz::NpzArchive::open(file).unwrap();
+    archive.by_name(name).unwrap().unwrap().into_vec().unwrap()
+}
+
+#[test]
+fn the_paper_route_is_the_authors_route() {
+    let Some(vectors) = shared("dipp/closed-loop-vectors") else { return };
+    let mut compared = 0;
+    for scene in scenes("data/womd-derived/20s") {
+        let file = vectors.join(format!("{}__route.npz", scene.id()));
+        if !file.exists() {
+            continue;
+        }
+        let route = Route::of_log(&scene, RouteStyle::Paper).unwrap();
+        let waypoints = array(&file, "waypoints");
+        assert_eq!(route.waypoints().len(), waypoints.len() / 2, "{}", scene.id());
+        for (ours, theirs) in route.waypoints().iter().zip(waypoints.chunks(2)) {
+            assert!(ours.distance(Point::new(theirs[0], theirs[1])) < 1e-6, "{} {ours:?} {theirs:?}", scene.id());
+        }
+        let rows = array(&file, "route");
+        assert_eq!(route.line.len(), rows.len() / 4, "{}", scene.id());
+        let mut worst = [0.0_f64; 3];
+        for (index, row) in rows.chunks(4).enumerate() {
+            let off = [
+                route.line.point(index).distance(Point::new(row[0], row[1])),
+                angle_difference(row[2], route.line.heading[index]).abs(),
+                (route.line.curvature[index] - row[3]).abs(),
+            ];
+            worst = std::array::from_fn(|i| worst[i].max(off[i]));
+        }
+        println!("{}: off by at most {:.1e} m, {:.1e} rad, {:.1e} 1/m", scene.id(), worst[0], worst[1], worst[2]);
+        assert!(worst[0] < 1e-6 && worst[1] < 1e-6 && worst[2] < 1e-5, "{} {worst:?}", scene.id());
+        compared += 1;
+    }
+    assert!(compared >= 6, "only {compared} scenes compared");
+}
+
+/// Largest distance of the logged AV to the line (m), and what else tells a good line from a bad one.
+fn report(scene: &Scene, route: &Route) -> f64 {
+    let line = &route.line;
+    let (mut distance, mut turned, mut back) = (0.0_f64, 0.0_f64, 0_usize);
+    let mut farthest = 0;
+    for state in scene.av().states.iter().flatten() {
+        let (nearest, off) = route.nearest_sample(state.position());
+        distance = distance.max(off);
+        turned = turned.max(angle_difference(state.heading, line.heading[nearest]).abs());
+        back = back.max(farthest.max(nearest) - nearest);
+        farthest = farthest.max(nearest);
+    }
+    let bend = line.curvature.iter().fold(0.0_f64, |bend, curvature| bend.max(curvature.abs()));
+    println!(
+        "{:17} {:?}: human within {distance:.2} m and {turned:.2} rad, back by {back}, line {} samples, curvature up to {bend:.3}/m, {} lanes, {} stops, limits {:?}",
+        scene.id().as_str(),
+        route.style(),
+        line.len(),
+        route.lanes.len(),
+        route.stops().all().len(),
+        line.speed_limit.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), v| (low.min(*v), high.max(*v))),
+    );
+    distance
+}
+
+#[test]
+fn the_human_drives_near_the_strict_line() {
+    let folders = ["data/womd-derived/20s", "data/womd-derived/20s-partial"];
+    for scene in folders.iter().flat_map(|folder| scenes(folder)) {
+        let route = Route::of_log(&scene, RouteStyle::Strict).unwrap();
+        let distance = report(&scene, &route);
+        assert!(distance < 2.5, "{}: {distance} m", scene.id());
+    }
+}
+
+#[test]
+fn the_paper_gives_a_route_or_says_why_not() {
+    let folders = ["data/womd-derived/20s-partial", "data/womd-derived/9s", "data/womd/9s"];
+    for scene in folders.iter().flat_map(|folder| scenes(folder)) {
+        match Route::of_log(&scene, RouteStyle::Paper) {
+            Ok(route) => drop(report(&scene, &route)),
+            Err(error @ (RouteError::NothingBehind | RouteError::NoLane { .. })) => println!("{}: {error}", scene.id()),
+            Err(error) => panic!("{}: {error}", scene.id()),
+        }
+    }
+}
