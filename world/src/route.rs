@@ -11,7 +11,7 @@
 //! | lane of a pose | nearest lane point within 10 degrees, however far, bike lanes too | the likeliest sequence along the lane graph; heights count, so an overpass is no match |
 //! | pose off all lanes | jumps to the nearest lane | is its own waypoint |
 //! | waypoints | a pose a second, repeated where the AV stands, backwards where a match jumps | at least 5 m apart, never backwards |
-//! | lane change | a jump from one second to the next, a kink | none within 10 m of the change: the spline leads over |
+//! | lane change | a jump from one second to the next, a kink | none within 10 m of the change (3 m where the drive leaves the lanes): the spline leads over |
 //! | behind | the first entry lane, if the AV starts on a lane's first 40 points; nothing behind: no route | 30 m along the lanes; nothing behind is fine |
 //! | ahead | the first exit lane, if the AV ends on a lane's last 40 points | 120 m along the straightest exits |
 //! | coefficients | over chords + 0.001 m | over chords |
@@ -21,6 +21,7 @@
 //! Both give the speed limit and height of the lane at each place. (The authors hold one limit for the whole line, that of the
 //! lane under the AV: the `paper` protocol makes it with [`LanePoints::authors_match`](crate::map_matching::LanePoints).)
 
+mod drive;
 mod line;
 mod paper;
 mod red_stops;
