@@ -9,9 +9,11 @@
 //! | [`scene`], [`map`], [`signal`] | one logged stretch of traffic, checked and immutable |
 //! | [`lane_graph`], [`map_matching`] | how lanes hang together; which one a pose is on |
 //! | [`route`], [`reference_line`] | the lanes to follow, the smooth line along them, its window at a step |
+//! | [`frenet`] | along the line and beside it |
 //! | [`vehicle`] | how the AV moves: the kinematic bicycle model and its limits |
 //! | [`observation`], [`plan`] | what a driver is told and what it answers |
 
+pub mod frenet;
 pub mod geometry;
 pub mod lane_graph;
 pub mod map;

@@ -31,6 +31,7 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
+use crate::frenet::{FrenetFrame, FrenetPoint};
 use crate::geometry::{Point, Point3, PointGrid};
 use crate::map::MapId;
 use crate::reference_line::{ReferenceLine, ReferenceWindow, SAMPLES_BEHIND, WINDOW_SAMPLES};
@@ -58,6 +59,8 @@ pub enum RouteError {
     NoLane { log_index: usize },
     #[error("no lane point lies behind the logged AV's first pose (the paper's construction needs one)")]
     NothingBehind,
+    #[error("the route is shorter than two samples of 0.1 m")]
+    TooShort,
     #[error("the route is {length:.0} m long, more than {limit:.0} m: the log or the map jumps")]
     TooLong { length: f64, limit: f64 },
 }
@@ -84,6 +87,7 @@ pub struct Route {
     waypoints: Vec<Point>,
     sample_lanes: Vec<Option<MapId>>,
     samples: PointGrid,
+    frame: FrenetFrame,
     stops: RouteStops,
 }
 
@@ -100,16 +104,19 @@ impl Route {
         };
         let (line, sample_lanes) = line::build(map, style, &waypoints, &lanes)?;
         let samples = PointGrid::new((0..line.len()).map(|index| line.point(index)).collect(), 2.0);
+        let line = Arc::new(line);
+        let frame = FrenetFrame::new(Arc::clone(&line)).ok_or(RouteError::TooShort)?;
         let id = |lane: usize| map.lanes[lane].id;
         let lanes: Vec<MapId> = lanes.into_iter().map(id).collect();
         let stops = RouteStops::new(scene, style, &lanes, &samples);
         Ok(Self {
             lanes,
-            line: Arc::new(line),
+            line,
             style,
             waypoints: waypoints.iter().map(|waypoint| waypoint.point.xy()).collect(),
             sample_lanes: sample_lanes.into_iter().map(|lane| lane.map(id)).collect(),
             samples,
+            frame,
             stops,
         })
     }
@@ -136,6 +143,18 @@ impl Route {
     #[must_use]
     pub fn stops(&self) -> &RouteStops {
         &self.stops
+    }
+
+    /// The Frenet frame of the line.
+    #[must_use]
+    pub fn frame(&self) -> &FrenetFrame {
+        &self.frame
+    }
+
+    /// Where `point` lies along and beside the line, `nearest` being the sample nearest to it.
+    #[must_use]
+    pub fn to_frenet(&self, point: Point, nearest: usize) -> FrenetPoint {
+        self.frame.point_to_frenet(point, nearest)
     }
 
     /// The sample nearest to `point`, the first of equals, and its distance (m).
@@ -184,3 +203,6 @@ impl Route {
         window.red_stops.dedup();
     }
 }
+
+#[cfg(test)]
+mod tests;

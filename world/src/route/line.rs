@@ -27,7 +27,7 @@ pub(super) fn build(
         return Err(RouteError::TooLong { length, limit: MAX_LENGTH });
     }
     let padding = if style == RouteStyle::Paper { PAPER_PADDING } else { 0.0 };
-    let spline = Spline::new(&points, padding).ok_or(RouteError::NothingBehind)?;
+    let spline = Spline::new(&points, padding).ok_or(RouteError::TooShort)?;
     let parameters = match style {
         RouteStyle::Paper => parameters_by_chord(spline.end()),
         RouteStyle::Strict => spline.parameters_by_arc(SAMPLE_SPACING),
