@@ -19,7 +19,7 @@ pub const NODE_LEASE: Duration = Duration::from_secs(5);
 const SIM_LEASE: Duration = Duration::from_secs(60);
 
 /// How long a node tries to reach the simulator.
-const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Batches (64 KiB each) that wait for a slow reader before the sender waits.
 const QUEUED_BATCHES: usize = 8;
@@ -59,7 +59,16 @@ pub enum SessionError {
 impl SessionError {
     /// Wraps the transport's own error, which is no [`std::error::Error`] itself.
     pub(crate) fn bus(what: &'static str) -> impl FnOnce(zenoh::Error) -> Self {
-        move |e| Self::Bus { what, reason: e.to_string() }
+        move |e| Self::Bus { what, reason: reason(&e) }
+    }
+}
+
+/// What the transport says, without the line of its source that it ends with.
+fn reason(error: &zenoh::Error) -> String {
+    let text = error.to_string();
+    match text.find(" at /") {
+        Some(end) if text[end..].contains(".rs:") => text[..end].to_owned(),
+        _ => text,
     }
 }
 
@@ -112,6 +121,8 @@ fn open(settings: &[(&str, String)]) -> Result<Session, String> {
     let shared = [
         ("scouting/multicast/enabled", "false".to_owned()),
         ("scouting/gossip/enabled", "false".to_owned()),
+        // A router waits this long (500 ms by default) for others that it may find; there are none.
+        ("scouting/delay", "0".to_owned()),
         // Messages carry the step; a wall-clock stamp would only cost.
         ("timestamping/enabled", "false".to_owned()),
         ("transport/link/rx/max_message_size", MAX_MESSAGE_BYTES.to_string()),
@@ -119,9 +130,9 @@ fn open(settings: &[(&str, String)]) -> Result<Session, String> {
     ];
     let mut config = Config::default();
     for (key, value) in shared.iter().chain(settings) {
-        config.insert_json5(key, value).map_err(|e| format!("{key}: {e}"))?;
+        config.insert_json5(key, value).map_err(|e| format!("{key}: {}", reason(&e)))?;
     }
-    zenoh::open(config).wait().map_err(|e| e.to_string())
+    zenoh::open(config).wait().map_err(|e| reason(&e))
 }
 
 fn free_endpoint() -> Result<String, SessionError> {

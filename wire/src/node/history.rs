@@ -14,12 +14,15 @@ pub struct History {
 }
 
 impl History {
-    pub(super) fn new(briefing: &Briefing) -> Self {
+    /// What was before the first step.
+    #[must_use]
+    pub fn new(briefing: &Briefing) -> Self {
         // Two steps at least, so that there is always a difference to take.
         Self { steps: briefing.history.iter().cloned().collect(), keep: (briefing.history.len() + 1).max(2) }
     }
 
-    pub(super) fn push(&mut self, observation: &Observation) {
+    /// Adds what is seen now. [`crate::node`] does it before a planner is asked.
+    pub fn push(&mut self, observation: &Observation) {
         // The first observation may repeat the last step of the briefing.
         while self.steps.back().is_some_and(|last| last.log_index >= observation.log_index) {
             self.steps.pop_back();

@@ -1,0 +1,58 @@
+//! What the logged AV did. It knows the future: it reads the log from the scene set by itself, never from the bus.
+
+use std::sync::Arc;
+
+use scenarios::{SceneSet, SetError};
+use wire::node::{Planner, PlannerFactory, StepInput};
+use world::observation::Briefing;
+use world::plan::{PLAN_STEPS, PlanState, UncheckedPlan};
+use world::scene::{AgentState, Scene};
+
+/// The planner `human`.
+pub struct Human(SceneSet);
+
+impl Human {
+    /// The planner for the scenes of these inputs, see [`SceneSet::open`].
+    ///
+    /// # Errors
+    /// [`SetError`] where they cannot be opened.
+    pub fn open(scenarios: &[String]) -> Result<Self, SetError> {
+        SceneSet::open(scenarios).map(Self)
+    }
+}
+
+impl PlannerFactory for Human {
+    fn start(&self, briefing: &Briefing) -> Result<Box<dyn Planner>, String> {
+        let index = self.0.entries().iter().position(|entry| entry.id == briefing.scene);
+        let index = index.ok_or_else(|| format!("scene {} is not in the scene set of this node", briefing.scene))?;
+        let (scene, _) = self.0.load(index).map_err(|e| e.to_string())?;
+        Ok(Box::new(Log(scene)))
+    }
+}
+
+struct Log(Arc<Scene>);
+
+impl Planner for Log {
+    fn plan(&mut self, step: &StepInput<'_>) -> Result<UncheckedPlan, String> {
+        let log = &self.0.av().states;
+        let now = step.observation.log_index as usize;
+        let mut last = standing(&step.observation.av);
+        let states = (1..=PLAN_STEPS).map(|k| {
+            last = match log.get(now + k).copied().flatten() {
+                Some(state) => moving(&state),
+                // Where the log has no AV, or has ended, it stays where it was last.
+                None => PlanState { speed: 0.0, ..last },
+            };
+            last
+        });
+        Ok(UncheckedPlan { step: step.observation.step, states: states.collect(), ..Default::default() })
+    }
+}
+
+fn moving(state: &AgentState) -> PlanState {
+    PlanState { x: state.x, y: state.y, heading: state.heading, speed: state.speed() }
+}
+
+fn standing(state: &AgentState) -> PlanState {
+    PlanState { speed: 0.0, ..moving(state) }
+}

@@ -1,0 +1,166 @@
+//! The reference line ahead as stations, and where things lie beside it.
+
+use world::geometry::{OrientedBox, Point, angle_difference};
+use world::reference_line::{ReferenceLine, ReferenceWindow};
+
+/// Curvature is averaged over so many metres to either side: the line's own has kinks.
+const CURVATURE_WINDOW: f64 = 1.5;
+
+/// Samples between those that a search looks at first (about 1 m).
+const COARSE: usize = 10;
+
+/// The window of the reference line, with the distance along it.
+pub struct Corridor<'a> {
+    line: &'a ReferenceLine,
+    /// First sample of the window in `line`.
+    start: usize,
+    /// Distance of each sample from the window's first (m).
+    stations: Vec<f64>,
+    /// Curvature of each sample (1/m), averaged.
+    curvature: Vec<f64>,
+    /// Samples at which a red light's stop point lies.
+    pub red_stops: &'a [u32],
+    /// Number of the window's first sample in the whole line.
+    pub first_sample: usize,
+}
+
+/// Where a point lies beside the line.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    /// The nearest sample of the window.
+    pub sample: usize,
+    /// Distance along the line (m) from the window's first sample.
+    pub station: f64,
+    /// Distance to the left of the line (m).
+    pub lateral: f64,
+}
+
+/// The stretch of the corridor that a box takes.
+#[derive(Clone, Copy, Debug)]
+pub struct Footprint {
+    /// Nearest sample to its centre.
+    pub sample: usize,
+    /// First and last station (m).
+    pub stations: (f64, f64),
+    /// Rightmost and leftmost offset from the line (m).
+    pub laterals: (f64, f64),
+}
+
+impl<'a> Corridor<'a> {
+    /// The corridor of a window; `None` where it has less than two samples.
+    pub fn new(window: &'a ReferenceWindow) -> Option<Self> {
+        let line = window.line.as_ref();
+        let samples = window.samples.min(line.x.len().saturating_sub(window.start));
+        if samples < 2 {
+            return None;
+        }
+        let mut stations = Vec::with_capacity(samples);
+        let mut station = 0.0;
+        for i in window.start..window.start + samples {
+            if i > window.start {
+                station += point(line, i).distance(point(line, i - 1));
+            }
+            stations.push(station);
+        }
+        let mut corridor = Self {
+            line,
+            start: window.start,
+            stations,
+            curvature: Vec::new(),
+            red_stops: &window.red_stops,
+            first_sample: window.first_sample,
+        };
+        corridor.curvature = (0..samples).map(|i| corridor.mean_curvature(i)).collect();
+        Some(corridor)
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.stations.len()
+    }
+
+    /// Distance of `sample` along the line (m).
+    pub fn station(&self, sample: usize) -> f64 {
+        self.stations[sample.min(self.len() - 1)]
+    }
+
+    /// Curvature at `sample` (1/m), averaged over three metres.
+    pub fn curvature(&self, sample: usize) -> f64 {
+        self.curvature[sample.min(self.len() - 1)]
+    }
+
+    /// Heading at `sample` (rad).
+    pub fn heading(&self, sample: usize) -> f64 {
+        self.line.heading[self.start + sample.min(self.len() - 1)]
+    }
+
+    /// Speed limit at `sample` (m/s); 0 where it is not known.
+    pub fn speed_limit(&self, sample: usize) -> f64 {
+        self.line.speed_limit[self.start + sample.min(self.len() - 1)]
+    }
+
+    /// First sample at or after `station` (m); the last one past the end.
+    pub fn sample_at(&self, station: f64) -> usize {
+        self.stations.partition_point(|s| *s < station).min(self.len() - 1)
+    }
+
+    /// The turn rate of the line's own heading around `sample`, from headings 1.5 m before and after: the column of
+    /// curvatures comes from second derivatives of a spline and jumps at its knots.
+    fn mean_curvature(&self, sample: usize) -> f64 {
+        let from = self.sample_at(self.stations[sample] - CURVATURE_WINDOW);
+        let to = self.sample_at(self.stations[sample] + CURVATURE_WINDOW);
+        let length = self.stations[to] - self.stations[from];
+        if length <= 0.0 {
+            return 0.0;
+        }
+        angle_difference(self.heading(from), self.heading(to)) / length
+    }
+
+    fn at(&self, sample: usize) -> Point {
+        point(self.line, self.start + sample)
+    }
+
+    /// The sample nearest to `place`.
+    pub fn nearest(&self, place: Point) -> usize {
+        let coarse = (0..self.len()).step_by(COARSE);
+        let near = coarse.min_by(|a, b| self.distance(*a, place).total_cmp(&self.distance(*b, place))).unwrap_or(0);
+        self.nearest_in(near.saturating_sub(COARSE), near + COARSE, place)
+    }
+
+    fn nearest_in(&self, from: usize, to: usize, place: Point) -> usize {
+        let samples = from..=to.min(self.len() - 1);
+        samples.min_by(|a, b| self.distance(*a, place).total_cmp(&self.distance(*b, place))).unwrap_or(from)
+    }
+
+    fn distance(&self, sample: usize, place: Point) -> f64 {
+        self.at(sample).distance_squared(place)
+    }
+
+    /// Where `place` lies, looked for near the sample `hint` (4 m to either side).
+    pub fn project(&self, place: Point, hint: usize) -> Place {
+        let sample = self.nearest_in(hint.saturating_sub(4 * COARSE), hint + 4 * COARSE, place);
+        let forward = Point::unit(self.heading(sample));
+        let offset = place - self.at(sample);
+        Place { sample, station: self.station(sample) + forward.dot(offset), lateral: forward.cross(offset) }
+    }
+
+    /// The stretch that `body` takes, its centre's nearest sample given or searched for.
+    pub fn footprint(&self, body: &OrientedBox) -> Footprint {
+        let sample = self.nearest(body.center);
+        let mut stations = (f64::INFINITY, f64::NEG_INFINITY);
+        let mut laterals = stations;
+        for corner in body.corners() {
+            // A corner may lie some metres further along than the centre, where the line has turned.
+            let reach = COARSE * (1 + body.radius() as usize);
+            let nearest = self.nearest_in(sample.saturating_sub(reach), sample + reach, corner);
+            let place = self.project(corner, nearest);
+            stations = (stations.0.min(place.station), stations.1.max(place.station));
+            laterals = (laterals.0.min(place.lateral), laterals.1.max(place.lateral));
+        }
+        Footprint { sample, stations, laterals }
+    }
+}
+
+fn point(line: &ReferenceLine, sample: usize) -> Point {
+    Point::new(line.x[sample], line.y[sample])
+}

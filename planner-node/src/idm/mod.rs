@@ -1,0 +1,79 @@
+//! The intelligent driver model along the reference line: speed by Treiber, Hennecke and Helbing, "Congested traffic
+//! states in empirical observations and microscopic simulations", Phys. Rev. E 62 (2000); steering back onto the line.
+//!
+//! | file | what |
+//! | --- | --- |
+//! | `corridor.rs` | the line ahead as stations, and where things lie beside it |
+//! | `obstacles.rs` | who is in the way: leaders, crossing traffic, red lights, the line's end |
+//! | `speed.rs` | the speed wanted on the line, and the acceleration |
+//! | `steering.rs` | the front wheels' angle |
+//!
+//! The plan is a rollout of the simulator's own vehicle model under these two laws, so its controls can be driven as they are.
+
+mod corridor;
+mod obstacles;
+mod speed;
+mod steering;
+
+use wire::node::{Planner, PlannerFactory, StepInput};
+use world::observation::Briefing;
+use world::plan::{Control, Diagnostics, PLAN_STEPS, PlanState, STEP_SECONDS, UncheckedPlan};
+use world::vehicle::{BicycleModel, Limits, VehicleState};
+
+use corridor::Corridor;
+use obstacles::Obstacle;
+use speed::DesiredSpeed;
+
+/// The planner `idm`.
+pub struct Idm;
+
+impl PlannerFactory for Idm {
+    fn start(&self, briefing: &Briefing) -> Result<Box<dyn Planner>, String> {
+        if briefing.reference_line.x.len() < 2 {
+            return Err("the reference line has less than two samples".to_owned());
+        }
+        Ok(Box::new(Self))
+    }
+}
+
+impl Planner for Idm {
+    fn plan(&mut self, step: &StepInput<'_>) -> Result<UncheckedPlan, String> {
+        let StepInput { briefing, observation, .. } = step;
+        let corridor = Corridor::new(&observation.window).ok_or("the window of the reference line has less than two samples")?;
+        let av = &observation.av;
+        let obstacles = obstacles::in_the_way(&corridor, briefing, observation);
+        let desired = DesiredSpeed::new(&corridor);
+
+        let model = BicycleModel::new(briefing.wheelbase);
+        let mut state = VehicleState { x: av.x, y: av.y, heading: av.heading, speed: av.speed() };
+        let mut wheel = observation.control.steering;
+        let mut hint = corridor.nearest(av.position());
+        let mut plan = UncheckedPlan { step: observation.step, ..Default::default() };
+        for k in 0..PLAN_STEPS {
+            let place = corridor.project(state.pose().position(), hint);
+            hint = place.sample;
+            let front = place.station + 0.5 * av.length;
+            let ahead = |o: &Obstacle| (o.station_after(k as f64 * STEP_SECONDS) - front, o.speed);
+            let wanted = Control {
+                acceleration: speed::acceleration(state.speed, desired.at(place.sample), obstacles.iter().map(ahead)),
+                steering: steering::angle(&corridor, &place, &state, briefing.wheelbase),
+            };
+            let control = Limits::STRICT.apply(wanted, wheel, STEP_SECONDS);
+            wheel = control.steering;
+            state = model.step(state, control, STEP_SECONDS);
+            plan.controls.push(control);
+            plan.states.push(PlanState { x: state.x, y: state.y, heading: state.heading, speed: state.speed });
+        }
+        plan.diagnostics = Diagnostics { status: status(&obstacles), ..Default::default() };
+        Ok(plan)
+    }
+}
+
+/// What is nearest, for whoever watches.
+fn status(obstacles: &[Obstacle]) -> String {
+    let nearest = obstacles.iter().min_by(|a, b| a.station.total_cmp(&b.station));
+    nearest.map_or_else(|| "free".to_owned(), |obstacle| obstacle.what.to_string())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,179 @@
+//! Who is in the way: what overlaps the AV's corridor ahead now, what will cross it when the AV would be there, red lights,
+//! and the end of the line. Each stands for a leader of the intelligent driver model.
+
+use std::fmt;
+
+use world::geometry::{OrientedBox, Point};
+use world::observation::{Briefing, Observation, ObservedAgent};
+use world::plan::STEP_SECONDS;
+use world::scene::{AgentKind, AgentState, TrackId};
+
+use super::corridor::{Corridor, Footprint, Place};
+use super::speed::HARDEST_BRAKING;
+
+/// Agents are expected to keep their velocity for so long (s). Beyond it that is no expectation any more.
+const PROJECTION: f64 = 3.0;
+/// ... in steps of (s).
+const PROJECTION_STEP: f64 = 0.25;
+/// A crossing is a conflict if the AV is there within this of the agent (s).
+const CROSSING_MARGIN: f64 = 0.8;
+/// The AV counts as no slower than this (m/s) where it is asked when it would be there: standing, it would never be.
+const SLOWEST_APPROACH: f64 = 3.0;
+/// Room to either side of the AV (m), and for people on foot or on a bicycle.
+const SIDE_MARGIN: f64 = 0.15;
+const SIDE_MARGIN_VULNERABLE: f64 = 0.4;
+/// Below this (m/s) an agent stands: what is logged is noise.
+const STANDING: f64 = 0.5;
+/// The AV's own offset from the line shrinks to a third over this many metres, or over this many seconds.
+const OFFSET_METERS: f64 = 8.0;
+const OFFSET_SECONDS: f64 = 2.0;
+
+/// What an obstacle is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum What {
+    Agent(TrackId),
+    Crossing(TrackId),
+    RedLight,
+    LineEnd,
+}
+
+impl fmt::Display for What {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Agent(track) => write!(f, "behind {track}"),
+            Self::Crossing(track) => write!(f, "gives way to {track}"),
+            Self::RedLight => f.write_str("red light"),
+            Self::LineEnd => f.write_str("end of the line"),
+        }
+    }
+}
+
+/// Something to stop before or to follow.
+#[derive(Clone, Copy, Debug)]
+pub struct Obstacle {
+    pub what: What,
+    /// Where its near end is now (m along the line).
+    pub station: f64,
+    /// Its speed along the line (m/s), never negative.
+    pub speed: f64,
+}
+
+impl Obstacle {
+    /// Where it is `seconds` later.
+    pub fn station_after(&self, seconds: f64) -> f64 {
+        self.station + self.speed * seconds
+    }
+}
+
+/// The AV, as the line sees it.
+struct Av {
+    place: Place,
+    front: f64,
+    rear: f64,
+    half_width: f64,
+    speed: f64,
+}
+
+impl Av {
+    /// Right and left edge of its corridor at `station`: its offset now, fading as it steers back onto the line.
+    fn edges(&self, station: f64, margin: f64) -> (f64, f64) {
+        let fade = libm::exp(-(station - self.front).max(0.0) / OFFSET_METERS.max(OFFSET_SECONDS * self.speed));
+        let center = self.place.lateral * fade;
+        (center - self.half_width - margin, center + self.half_width + margin)
+    }
+}
+
+/// All that is in the way, in no order.
+pub fn in_the_way(corridor: &Corridor<'_>, briefing: &Briefing, observation: &Observation) -> Vec<Obstacle> {
+    let state = &observation.av;
+    let place = corridor.project(state.position(), corridor.nearest(state.position()));
+    let av = Av {
+        place,
+        front: place.station + 0.5 * state.length,
+        rear: place.station - 0.5 * state.length,
+        half_width: 0.5 * state.width,
+        speed: state.speed(),
+    };
+    let mut obstacles: Vec<Obstacle> = observation.agents.iter().filter_map(|agent| of_agent(corridor, &av, agent)).collect();
+    obstacles.extend(red_light(corridor, &av));
+    obstacles.extend(line_end(corridor, briefing));
+    obstacles
+}
+
+fn of_agent(corridor: &Corridor<'_>, av: &Av, agent: &ObservedAgent) -> Option<Obstacle> {
+    let state = &agent.state;
+    let standing = state.speed() < STANDING;
+    let margin = match agent.kind {
+        AgentKind::Pedestrian | AgentKind::Cyclist => SIDE_MARGIN_VULNERABLE,
+        AgentKind::Vehicle | AgentKind::Other => SIDE_MARGIN,
+    };
+    // Out of reach within the projection, whatever it does.
+    let last = corridor.station(corridor.len() - 1);
+    let nearest = corridor.footprint(&state.oriented_box());
+    let reach = 2.0 * av.half_width + PROJECTION * if standing { 0.0 } else { state.speed() };
+    if nearest.laterals.0 > reach || nearest.laterals.1 < -reach || nearest.stations.0 >= last {
+        return None;
+    }
+    if blocks(av, &nearest, margin) {
+        let along = Point::unit(corridor.heading(nearest.sample)).dot(state.velocity());
+        let speed = if standing { 0.0 } else { along.max(0.0) };
+        return Some(Obstacle { what: What::Agent(agent.track), station: nearest.stations.0, speed });
+    }
+    if standing { None } else { crossing(corridor, av, agent, margin) }
+}
+
+/// Whether the footprint lies in the AV's corridor, ahead of its front.
+fn blocks(av: &Av, footprint: &Footprint, margin: f64) -> bool {
+    let (right, left) = av.edges(footprint.stations.0, margin);
+    // What has its near end behind the AV's front is beside it, and not the AV's to avoid by braking.
+    footprint.stations.0 > av.front - 0.5 && footprint.laterals.0 < left && footprint.laterals.1 > right
+}
+
+/// An agent that is beside the corridor now, and will be in it when the AV is there.
+fn crossing(corridor: &Corridor<'_>, av: &Av, agent: &ObservedAgent, margin: f64) -> Option<Obstacle> {
+    let steps = (PROJECTION / PROJECTION_STEP) as usize;
+    (1..=steps).find_map(|k| {
+        let seconds = k as f64 * PROJECTION_STEP;
+        let footprint = corridor.footprint(&later(&agent.state, seconds));
+        if !blocks(av, &footprint, margin) {
+            return None;
+        }
+        let along = Point::unit(corridor.heading(footprint.sample)).dot(agent.state.velocity());
+        // When the AV would come to where the agent is then, and when it would have left it.
+        let pace = av.speed.max(SLOWEST_APPROACH);
+        let arrival = (footprint.stations.0 - av.front) / pace - CROSSING_MARGIN;
+        let departure = (footprint.stations.1 - av.rear) / pace + CROSSING_MARGIN;
+        // One that drives along the line merges, and is followed from now on at its own speed.
+        let merges = along > 0.7 * agent.state.speed();
+        if !merges && !(arrival..=departure).contains(&seconds) {
+            return None;
+        }
+        let speed = if merges { along } else { 0.0 };
+        let station = footprint.stations.0 - speed * seconds;
+        // One that comes from behind has its own driver to brake.
+        (station > av.front - 0.5).then_some(Obstacle { what: What::Crossing(agent.track), station, speed })
+    })
+}
+
+fn later(state: &AgentState, seconds: f64) -> OrientedBox {
+    let ahead = state.velocity() * seconds;
+    AgentState { x: state.x + ahead.x, y: state.y + ahead.y, ..*state }.oriented_box()
+}
+
+/// The next red light that the AV can still stop at.
+fn red_light(corridor: &Corridor<'_>, av: &Av) -> Option<Obstacle> {
+    let stations = corridor.red_stops.iter().map(|sample| corridor.station(*sample as usize));
+    let can_stop = |station: &f64| {
+        let gap = station - av.front;
+        // Past it already, or too fast: to brake now would be to stop in the crossing.
+        gap > 0.0 && av.speed * av.speed <= 2.0 * HARDEST_BRAKING * (gap + av.speed * STEP_SECONDS)
+    };
+    let nearest = stations.filter(can_stop).min_by(f64::total_cmp)?;
+    Some(Obstacle { what: What::RedLight, station: nearest, speed: 0.0 })
+}
+
+/// The end of the whole line, if the window reaches it: beyond it is off the route.
+fn line_end(corridor: &Corridor<'_>, briefing: &Briefing) -> Option<Obstacle> {
+    let reached = corridor.first_sample + corridor.len() >= briefing.reference_line.x.len();
+    reached.then(|| Obstacle { what: What::LineEnd, station: corridor.station(corridor.len() - 1), speed: 0.0 })
+}

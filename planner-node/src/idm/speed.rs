@@ -1,0 +1,135 @@
+//! The speed wanted on the line, and the acceleration.
+//!
+//! Constants: T and the comfortable deceleration are those of nuPlan's IDM planner (`idm_planner.yaml`: headway 1.5 s,
+//! decel_max 3.0 m/s^2); the standstill gap of 2 m and the exponent 4 are Treiber's. nuPlan accelerates with 1.0 m/s^2;
+//! 1.5 is nearer to the mean of Waymo's drivers, who would else leave it far behind.
+
+use super::corridor::Corridor;
+
+/// Time headway to the leader (s).
+pub const HEADWAY: f64 = 1.5;
+/// Gap at standstill (m).
+pub const STANDSTILL_GAP: f64 = 2.0;
+/// Acceleration on a free road from standstill (m/s^2).
+pub const ACCELERATION: f64 = 1.5;
+/// Comfortable deceleration (m/s^2).
+pub const DECELERATION: f64 = 3.0;
+/// Hardest braking (m/s^2): the vehicle's own.
+pub const HARDEST_BRAKING: f64 = 5.0;
+/// Treiber's exponent of the free-road term.
+const EXPONENT: i32 = 4;
+
+/// Where the map gives no speed limit: 25 mph, the usual one of residential streets in the United States (m/s).
+const DEFAULT_SPEED_LIMIT: f64 = 25.0 * world::map::METERS_PER_SECOND_PER_MPH;
+/// Lateral acceleration in curves (m/s^2): between comfort (about 2) and the bound of nuPlan's comfort metric (4.89).
+const LATERAL_ACCELERATION: f64 = 2.5;
+/// Braking towards a curve or a lower limit (m/s^2).
+const ANTICIPATION: f64 = 1.5;
+/// What is too fast for the line goes in this time (s).
+const SPEED_SETTLING: f64 = 1.0;
+/// Slowest that a curve asks for (m/s): the line's kinks are no curves.
+const SLOWEST_CURVE: f64 = 2.0;
+
+/// The speed wanted at each sample: the limit, slower in and before curves.
+pub struct DesiredSpeed {
+    speeds: Vec<f64>,
+}
+
+impl DesiredSpeed {
+    pub fn new(corridor: &Corridor<'_>) -> Self {
+        let mut speeds: Vec<f64> = (0..corridor.len()).map(|sample| local(corridor, sample)).collect();
+        // From the end backwards: no faster than what can be braked down from in time.
+        for sample in (0..speeds.len() - 1).rev() {
+            let distance = corridor.station(sample + 1) - corridor.station(sample);
+            let next = speeds[sample + 1];
+            speeds[sample] = speeds[sample].min((next * next + 2.0 * ANTICIPATION * distance).sqrt());
+        }
+        Self { speeds }
+    }
+
+    /// At `sample`.
+    pub fn at(&self, sample: usize) -> Wanted {
+        let last = self.speeds.len() - 1;
+        let (here, next) = (sample.min(last), (sample + 1).min(last));
+        let (speed, falls) = (self.speeds[here], self.speeds[next] < self.speeds[here]);
+        Wanted { speed, braking: if falls { ANTICIPATION } else { 0.0 } }
+    }
+}
+
+/// What is wanted at a place on the line.
+#[derive(Clone, Copy, Debug)]
+pub struct Wanted {
+    /// Speed (m/s).
+    pub speed: f64,
+    /// Deceleration (m/s^2) with which that speed falls along the line here.
+    pub braking: f64,
+}
+
+fn local(corridor: &Corridor<'_>, sample: usize) -> f64 {
+    let limit = corridor.speed_limit(sample);
+    let limit = if limit > 0.0 { limit } else { DEFAULT_SPEED_LIMIT };
+    let curvature = corridor.curvature(sample).abs();
+    if curvature * limit * limit <= LATERAL_ACCELERATION {
+        return limit;
+    }
+    (LATERAL_ACCELERATION / curvature).sqrt().max(SLOWEST_CURVE).min(limit)
+}
+
+/// The acceleration (m/s^2) at `speed` where `wanted` is, among leaders given as (gap, speed).
+///
+/// Treiber's free-road term knows a desired speed that stays. Where it falls, before a curve, the vehicle follows that
+/// fall, and what it is too fast goes within [`SPEED_SETTLING`].
+pub fn acceleration(speed: f64, wanted: Wanted, leaders: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let desired = wanted.speed.max(0.1);
+    let free = ACCELERATION * (1.0 - (speed / desired).powi(EXPONENT));
+    let tracking = (desired - speed) / SPEED_SETTLING - wanted.braking;
+    let road = free.max(-DECELERATION).min(tracking).max(-DECELERATION);
+    let interaction = leaders.map(|(gap, leader)| interaction(speed, gap, leader)).fold(0.0, f64::max);
+    (road - interaction).max(-HARDEST_BRAKING)
+}
+
+/// How much one leader takes off (m/s^2).
+fn interaction(speed: f64, gap: f64, leader: f64) -> f64 {
+    let approach = speed * (speed - leader) / (2.0 * (ACCELERATION * DECELERATION).sqrt());
+    let wanted = STANDSTILL_GAP + (speed * HEADWAY + approach).max(0.0);
+    // Closer than a hand's breadth is all the same: brake as hard as can be.
+    let ratio = wanted / gap.max(0.1);
+    ACCELERATION * ratio * ratio
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn steady(speed: f64) -> Wanted {
+        Wanted { speed, braking: 0.0 }
+    }
+
+    #[test]
+    fn on_a_free_road_it_speeds_up_to_the_desired_speed_and_no_further() {
+        let mut speed = 0.0;
+        for _ in 0..1000 {
+            speed += 0.1 * acceleration(speed, steady(10.0), std::iter::empty());
+        }
+        assert!((speed - 10.0).abs() < 0.1, "{speed}");
+        assert!(acceleration(12.0, steady(10.0), std::iter::empty()) < 0.0);
+    }
+
+    #[test]
+    fn behind_a_leader_of_its_speed_the_gap_is_treibers_equilibrium() {
+        // s_e = (s0 + vT) / sqrt(1 - (v/v0)^4), equation 5 of the paper of 2000.
+        let (speed, desired) = (10.0_f64, 15.0_f64);
+        let gap = (STANDSTILL_GAP + speed * HEADWAY) / (1.0 - (speed / desired).powi(4)).sqrt();
+        assert!(acceleration(speed, steady(desired), std::iter::once((gap, speed))).abs() < 1e-12);
+    }
+
+    #[test]
+    fn it_stops_before_a_wall() {
+        let (mut gap, mut speed) = (60.0, 15.0);
+        for _ in 0..400 {
+            speed = (speed + 0.1 * acceleration(speed, steady(15.0), std::iter::once((gap, 0.0)))).max(0.0);
+            gap -= 0.1 * speed;
+        }
+        assert!(gap > 0.5 && gap < 4.0 && speed < 0.1, "gap {gap}, speed {speed}");
+    }
+}

@@ -1,0 +1,4 @@
+//! The built binary, driven from outside.
+
+mod cli;
+mod process;
