@@ -1,0 +1,42 @@
+//! `scenarios export`: scenes as TFRecord files, one each.
+
+use std::fs;
+use std::io::{self, Write};
+use std::path::Path;
+
+use scenarios::tfrecord;
+
+use super::Failure;
+use super::scenes::Scenes;
+use super::table::count;
+use crate::cli::ExportArguments;
+
+pub fn run(arguments: &ExportArguments, out: &mut impl Write) -> Result<bool, Failure> {
+    let scenes = Scenes::open(&arguments.inputs)?;
+    let folder = &arguments.out;
+    fs::create_dir_all(folder).map_err(|source| Failure::Write { path: folder.clone(), source })?;
+    let mut bytes = 0;
+    for (index, entry) in scenes.iter() {
+        let path = folder.join(format!("{}.tfrecord", entry.id));
+        if path.exists() && !arguments.force {
+            return Err(Failure::Exists(path));
+        }
+        let mut file = Vec::new();
+        tfrecord::append_record(&mut file, &scenes.set.payload(index)?);
+        bytes += file.len();
+        write_whole(folder, &path, &file).map_err(|source| Failure::Write { path, source })?;
+    }
+    let megabytes = bytes as f64 / 1e6;
+    writeln!(out, "{} in {} ({megabytes:.1} MB)", count(scenes.len(), "scene"), folder.display())
+        .map_err(Failure::Output)?;
+    Ok(false)
+}
+
+/// The file appears under its name when it is whole.
+fn write_whole(folder: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = tempfile::Builder::new().suffix(".partial").tempfile_in(folder)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist(path)?;
+    Ok(())
+}
