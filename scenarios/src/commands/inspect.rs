@@ -6,6 +6,8 @@ use std::io::{self, Write};
 use scenarios::SceneEntry;
 use scenarios::lint::{self, Lint};
 use world::geometry::Point3;
+use world::reference_line::SAMPLE_SPACING;
+use world::route::{Route, RouteStyle};
 use world::scene::{AgentKind, Scene, Track};
 use world::signal::SignalState;
 
@@ -39,6 +41,7 @@ fn show(entry: &SceneEntry, scene: &Scene, lints: &[Lint], out: &mut impl Write)
     line("agents", agents(scene))?;
     line("map", map(scene))?;
     line("signals", signals(scene))?;
+    line("route", route(scene))?;
     let findings = if lints.is_empty() { "none".to_owned() } else { lints.len().to_string() };
     line("findings", findings)?;
     for lint in lints {
@@ -60,9 +63,12 @@ fn av(scene: &Scene) -> String {
     let (av, steps) = (scene.av(), scene.steps());
     let valid = av.states.iter().flatten().count();
     let seen = if valid == steps { String::new() } else { format!(", valid at {valid} steps") };
-    let size = av.states.iter().flatten().next().map_or(String::new(), |s| {
-        format!("{:.2} x {:.2} x {:.2} m, ", s.length, s.width, s.height)
-    });
+    let size = av
+        .states
+        .iter()
+        .flatten()
+        .next()
+        .map_or(String::new(), |s| format!("{:.2} x {:.2} x {:.2} m, ", s.length, s.width, s.height));
     format!("track {}, {size}drives {:.1} m, at most {:.1} m/s{seen}", av.id, av_path(scene), fastest(scene))
 }
 
@@ -72,7 +78,13 @@ fn agents(scene: &Scene) -> String {
     let parts: Vec<String> = kinds
         .iter()
         .filter(|kind| of(kind) > 0)
-        .map(|kind| if *kind == AgentKind::Other { format!("{} of other kinds", of(kind)) } else { count(of(kind), &kind.to_string()) })
+        .map(|kind| {
+            if *kind == AgentKind::Other {
+                format!("{} of other kinds", of(kind))
+            } else {
+                count(of(kind), &kind.to_string())
+            }
+        })
         .collect();
     if parts.is_empty() {
         return "nobody but the AV".to_owned();
@@ -115,6 +127,17 @@ fn signals(scene: &Scene) -> String {
     let share = |(colour, number): (&&str, &usize)| format!("{colour} {:.0}%", 100.0 * *number as f64 / all as f64);
     let shares: Vec<String> = shown.iter().map(share).collect();
     format!("for {} at {with} of {} steps: {}", count(lanes.len(), "lane"), scene.steps(), shares.join(", "))
+}
+
+fn route(scene: &Scene) -> String {
+    match Route::of_log(scene, RouteStyle::Strict) {
+        Ok(route) => {
+            let lanes: Vec<String> = route.lanes.iter().map(ToString::to_string).collect();
+            let meters = route.line.x.len() as f64 * SAMPLE_SPACING;
+            format!("{meters:.0} m along {}: {}", count(lanes.len(), "lane"), lanes.join(" > "))
+        }
+        Err(_) => "none".to_owned(), // a finding says why
+    }
 }
 
 fn colour(state: SignalState) -> &'static str {

@@ -14,8 +14,18 @@ use super::table::table;
 use crate::cli::ListArguments;
 
 const HEAD: [&str; 12] = [
-    "scene", ">steps", ">AV m", ">max m/s", ">vehicles", ">pedestrians", ">cyclists", ">lanes", ">signal steps",
-    ">warnings", ">errors", "from",
+    "scene",
+    ">steps",
+    ">AV m",
+    ">max m/s",
+    ">veh",
+    ">ped",
+    ">cyc",
+    ">lanes",
+    ">signals",
+    ">warnings",
+    ">errors",
+    "from",
 ];
 
 pub fn run(arguments: &ListArguments, out: &mut impl Write) -> Result<bool, Failure> {

@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 use world::geometry::{angle_difference, boxes_overlap};
 use world::plan::STEP_SECONDS;
+use world::route::{Route, RouteStyle};
 use world::scene::Scene;
 
 use super::{FAMILIES, STEPS};
@@ -60,6 +61,15 @@ fn the_av_drives_feasibly(scene: &Scene) {
     assert!(path > 60.0, "{}: {path} m", scene.id());
 }
 
+/// The AV's route is found, and lies where the AV drives.
+fn the_route_is_the_way_driven(scene: &Scene) {
+    let route = Route::of_log(scene, RouteStyle::Strict).unwrap();
+    for state in scene.av().states.iter().flatten() {
+        let (_, distance) = route.nearest_sample(state.position());
+        assert!(distance < 0.7, "{}: {distance} m from its route", scene.id());
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
@@ -69,6 +79,7 @@ proptest! {
             nothing_to_say(&scene);
             nobody_hits_anybody(&scene);
             the_av_drives_feasibly(&scene);
+            the_route_is_the_way_driven(&scene);
         }
     }
 }
@@ -79,6 +90,7 @@ fn the_demo_scenes_are_clean_and_feasible() {
         nothing_to_say(&scene);
         nobody_hits_anybody(&scene);
         the_av_drives_feasibly(&scene);
+        the_route_is_the_way_driven(&scene);
     }
 }
 

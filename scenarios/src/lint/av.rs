@@ -1,6 +1,7 @@
 //! What the logged AV itself does wrong; a judge of the driver `human` finds the same.
 
 use world::geometry::{Point, SegmentGrid, boxes_overlap};
+use world::route::{Route, RouteStyle};
 use world::scene::{AgentState, Scene};
 
 use super::{Lint, Steps};
@@ -9,8 +10,12 @@ use super::{Lint, Steps};
 const EDGE_TOLERANCE: f64 = 0.3;
 /// An AV farther than this from every lane's centre follows none (m).
 const FAR_FROM_LANE: f64 = 3.0;
+/// The strict protocol's bound (m).
+const OFF_ROUTE: f64 = 5.0;
 /// How far is looked for edges and lanes (m).
 const SEARCH: f64 = 50.0;
+/// Size of the grids' cells (m).
+const CELL: f64 = 5.0;
 /// An AV that moves less than this is parked (m).
 const PARKED: f64 = 5.0;
 
@@ -20,6 +25,7 @@ pub(super) fn lint(scene: &Scene, lints: &mut Vec<Lint>) {
     overlaps(scene, &av, lints);
     off_road(scene, &av, lints);
     far_from_lane(scene, &av, lints);
+    off_route(scene, &av, lints);
     red_lights(scene, &av, lints);
     let meters: f64 = av.windows(2).map(|pair| pair[0].1.position().distance(pair[1].1.position())).sum();
     if meters < PARKED {
@@ -50,42 +56,51 @@ fn off_road(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) {
         lints.push(Lint::NoRoadEdges);
         return;
     }
-    let grid = SegmentGrid::new(edges.iter().map(|edge| (0, edge.polyline.iter().map(|p| p.xy()))), 5.0);
-    let (mut worst, mut steps) = (0.0_f64, Steps::default());
-    for (step, av) in av {
-        let beyond = |corner: Point| {
-            let edge = grid.nearest(corner, SEARCH).filter(|edge| !edge.beyond_end)?;
-            Some(-edge.signed_distance)
-        };
-        let beyond = av.oriented_box().corners().into_iter().filter_map(beyond).fold(0.0, f64::max);
-        if beyond > EDGE_TOLERANCE {
-            worst = worst.max(beyond);
-            steps.push(*step);
-        }
-    }
-    if !steps.is_empty() {
+    let grid = SegmentGrid::new(edges.iter().map(|edge| (0, edge.polyline.iter().map(|p| p.xy()))), CELL);
+    let beyond = |corner: Point| {
+        let edge = grid.nearest(corner, SEARCH).filter(|edge| !edge.beyond_end);
+        edge.map_or(0.0, |edge| -edge.signed_distance)
+    };
+    let worst_corner = |av: &AgentState| av.oriented_box().corners().into_iter().map(beyond).fold(0.0, f64::max);
+    if let Some((worst, steps)) = exceeding(av, EDGE_TOLERANCE, worst_corner) {
         lints.push(Lint::AvOffRoad { worst, steps });
     }
 }
 
 fn far_from_lane(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) {
     let lanes = scene.map().lanes.iter().filter(|lane| lane.kind.is_drivable());
-    let grid = SegmentGrid::new(lanes.map(|lane| (0, lane.centerline.iter().map(|p| p.xy()))), 5.0);
+    let grid = SegmentGrid::new(lanes.map(|lane| (0, lane.centerline.iter().map(|p| p.xy()))), CELL);
     if grid.is_empty() {
         lints.push(Lint::NoDrivableLane);
         return;
     }
+    let distance = |av: &AgentState| grid.nearest(av.position(), SEARCH).map_or(SEARCH, |lane| lane.distance());
+    if let Some((worst, steps)) = exceeding(av, FAR_FROM_LANE, distance) {
+        lints.push(Lint::AvFarFromLane { worst, steps });
+    }
+}
+
+fn off_route(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) {
+    let route = match Route::of_log(scene, RouteStyle::Strict) {
+        Ok(route) => route,
+        Err(error) => return lints.push(Lint::NoRoute(error)),
+    };
+    if let Some((worst, steps)) = exceeding(av, OFF_ROUTE, |av| route.nearest_sample(av.position()).1) {
+        lints.push(Lint::AvOffRoute { worst, steps });
+    }
+}
+
+/// The steps at which `measure` is above `bound`, and its highest value.
+fn exceeding(av: &[(usize, AgentState)], bound: f64, measure: impl Fn(&AgentState) -> f64) -> Option<(f64, Steps)> {
     let (mut worst, mut steps) = (0.0_f64, Steps::default());
-    for (step, av) in av {
-        let distance = grid.nearest(av.position(), SEARCH).map_or(SEARCH, |lane| lane.distance());
-        if distance > FAR_FROM_LANE {
-            worst = worst.max(distance);
+    for (step, state) in av {
+        let value = measure(state);
+        if value > bound {
+            worst = worst.max(value);
             steps.push(*step);
         }
     }
-    if !steps.is_empty() {
-        lints.push(Lint::AvFarFromLane { worst, steps });
-    }
+    (!steps.is_empty()).then_some((worst, steps))
 }
 
 /// The front bumper passes a red signal's stop point: it was behind it, is past it, and within half a lane's width beside it.

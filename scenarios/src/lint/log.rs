@@ -20,8 +20,9 @@ pub(super) fn lint(scene: &Scene, lints: &mut Vec<Lint>) {
         lints.push(Lint::Short { steps });
     }
     match (0..steps).filter(|step| !scene.signals(*step).is_empty()).count() {
-        0 => lints.push(Lint::NoSignals),
-        with if with < steps => lints.push(Lint::PartialSignals { with, steps }),
+        // Lanes are interpolated where roads meet.
+        0 if scene.map().lanes.iter().any(|lane| lane.interpolating) => lints.push(Lint::NoSignals),
+        with if 0 < with && with < steps => lints.push(Lint::PartialSignals { with, steps }),
         _ => {}
     }
     let lanes = &scene.map().lanes;

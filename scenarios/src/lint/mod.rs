@@ -9,6 +9,7 @@ mod steps;
 
 use thiserror::Error;
 use world::map::MapId;
+use world::route::RouteError;
 use world::scene::{Finding, Scene, TrackId};
 
 pub use steps::Steps;
@@ -46,6 +47,10 @@ pub enum Lint {
     AvOffRoad { worst: f64, steps: Steps },
     #[error("the logged AV is up to {worst:.1} m from the nearest drivable lane at {steps}")]
     AvFarFromLane { worst: f64, steps: Steps },
+    #[error("no route can be made of the log: {0}")]
+    NoRoute(RouteError),
+    #[error("the logged AV is up to {worst:.1} m from its own route at {steps}")]
+    AvOffRoute { worst: f64, steps: Steps },
     #[error("the logged AV crosses the stop point of lane {lane} at step {step}, while its signal is red")]
     AvRunsRed { lane: MapId, step: usize },
     #[error("the logged AV is parked: it moves {meters:.1} m in all")]
@@ -54,9 +59,9 @@ pub enum Lint {
     Teleport { track: TrackId, step: usize, meters: f64, times: usize },
     #[error("steps are {shortest:.3} to {longest:.3} s long, not 0.1 s (longest before step {step})")]
     IrregularTime { shortest: f64, longest: f64, step: usize },
-    #[error("it has {steps} steps: a drive of 150 steps from step 19 needs 170")]
+    #[error("it has {steps} steps: a whole drive, 150 steps from step 19, needs 170")]
     Short { steps: usize },
-    #[error("no signal is given at any step: there were none, or a converter lost them")]
+    #[error("no signal is given at any step, though there are junctions: there were none, or a converter lost them")]
     NoSignals,
     #[error("signals are given at {with} of {steps} steps")]
     PartialSignals { with: usize, steps: usize },
@@ -73,10 +78,11 @@ impl Lint {
     #[must_use]
     pub fn severity(&self) -> Severity {
         match self {
-            Self::NoDrivableLane | Self::Reader(Finding::AvGaps { .. }) => Severity::Error,
+            Self::NoDrivableLane | Self::NoRoute(_) | Self::Reader(Finding::AvGaps { .. }) => Severity::Error,
             Self::AvOverlap { .. }
             | Self::AvOffRoad { .. }
             | Self::AvFarFromLane { .. }
+            | Self::AvOffRoute { .. }
             | Self::AvRunsRed { .. }
             | Self::AvParked { .. }
             | Self::Teleport { .. }
