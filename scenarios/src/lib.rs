@@ -8,6 +8,8 @@
 //! Readers are without IO at their core, take hostile bytes, and name file, record and offset in every error.
 
 mod error;
+#[doc(hidden)]
+pub mod fuzzing;
 pub mod generated;
 pub mod lint;
 mod set;

@@ -22,7 +22,7 @@ mod stage;
 use world::scene::{SceneError, SceneParts};
 
 use crate::womd;
-use pcg::Pcg32;
+pub(crate) use pcg::Pcg32;
 
 pub use families::FAMILIES;
 

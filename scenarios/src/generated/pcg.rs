@@ -5,14 +5,14 @@ const MULTIPLIER: u64 = 6_364_136_223_846_793_005;
 
 /// The generator.
 #[derive(Clone, Debug)]
-pub(super) struct Pcg32 {
+pub(crate) struct Pcg32 {
     state: u64,
     increment: u64,
 }
 
 impl Pcg32 {
     /// Stream number `stream` of `seed`; streams of one seed do not repeat one another.
-    pub(super) fn new(seed: u64, stream: u64) -> Self {
+    pub(crate) fn new(seed: u64, stream: u64) -> Self {
         let mut generator = Self { state: 0, increment: (stream << 1) | 1 };
         generator.next();
         generator.state = generator.state.wrapping_add(seed);
@@ -28,7 +28,7 @@ impl Pcg32 {
     }
 
     /// A number in [`low`, `high`).
-    pub(super) fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * (f64::from(self.next()) / 4_294_967_296.0)
     }
 }

@@ -1,7 +1,11 @@
 //! The crate from outside: real files where they are present, damaged files, sets, the binary.
 #![allow(clippy::unwrap_used, clippy::expect_used, missing_docs, reason = "a test may fail by panic")]
 
+mod cli;
+mod damage;
+mod identity;
 mod real;
+mod sets;
 
 use std::path::PathBuf;
 

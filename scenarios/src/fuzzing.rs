@@ -1,0 +1,169 @@
+//! What every input must keep, in functions that a fuzzer calls; `fuzz/` does so by the million, a test here by the thousand.
+
+use std::io::Read;
+
+use crate::tfrecord::{Decoder, Records};
+use crate::{SetFile, lint, womd};
+
+/// Any bytes as a TFRecord file: no panic, and the same records however the bytes arrive.
+///
+/// # Panics
+/// If that does not hold.
+pub fn tfrecord(bytes: &[u8]) {
+    let all = |chunk: usize| {
+        let mut records = Records::new(Chunks { bytes, chunk });
+        let mut found = Vec::new();
+        loop {
+            match records.next_record() {
+                Ok(Some(record)) => found.push((record.offset, record.payload.to_vec())),
+                Ok(None) => return (found, None),
+                Err(error) => return (found, Some(error.to_string())),
+            }
+        }
+    };
+    let whole = all(usize::MAX);
+    assert_eq!(whole, all(1 + bytes.len() % 7), "the records depend on how the bytes arrive");
+    // A decoder that is told of more bytes than there was space for must not believe it.
+    let mut decoder = Decoder::default();
+    let _ = decoder.space();
+    let _ = decoder.advance(usize::MAX / 2);
+    let _ = (decoder.record(), decoder.end());
+}
+
+struct Chunks<'a> {
+    bytes: &'a [u8],
+    chunk: usize,
+}
+
+impl Read for Chunks<'_> {
+    fn read(&mut self, space: &mut [u8]) -> std::io::Result<usize> {
+        let count = self.bytes.len().min(self.chunk).min(space.len());
+        let (taken, rest) = self.bytes.split_at(count);
+        space[..count].copy_from_slice(taken);
+        self.bytes = rest;
+        Ok(count)
+    }
+}
+
+/// Any bytes as a WOMD record's payload: no panic; what is read is written and read again the same, under the id that a set
+/// finds for it.
+///
+/// # Panics
+/// If that does not hold.
+pub fn womd(payload: &[u8]) {
+    let id = womd::scene_id(payload);
+    let Ok((scene, _)) = womd::read(payload) else { return };
+    if let Ok(id) = id {
+        assert_eq!(scene.id(), &id, "a set finds another id than the reader");
+    }
+    let written = womd::write(&scene);
+    match womd::read(&written) {
+        Ok((again, _)) => assert_eq!(again, scene, "writing and reading changes the scene"),
+        Err(error) => panic!("what was written cannot be read: {error}"),
+    }
+}
+
+/// The same, and the lint (which builds the route) takes whatever scene comes out.
+///
+/// # Panics
+/// If that does not hold.
+pub fn womd_lint(payload: &[u8]) {
+    if let Ok((scene, findings)) = womd::read(payload) {
+        let _ = lint::lint(&scene, &findings);
+    }
+}
+
+/// Any text as a scene-set TOML: no panic.
+pub fn scene_set_toml(bytes: &[u8]) {
+    if let Ok(text) = std::str::from_utf8(bytes) {
+        let _ = SetFile::parse(text);
+    }
+}
+
+/// Small whole inputs to start from: three steps, and one of all that a map can hold.
+#[must_use]
+pub fn womd_seeds() -> Vec<Vec<u8>> {
+    let Some(family) = crate::generated::Family::named("red-light") else { return Vec::new() };
+    let Ok(payload) = family.payload("seed", 0, 0) else { return Vec::new() };
+    let Ok((scene, _)) = womd::read(&payload) else { return Vec::new() };
+    let mut parts = scene.into_parts();
+    parts.timestamps.truncate(3);
+    parts.signals.truncate(3);
+    parts.signals.iter_mut().for_each(|signals| signals.truncate(2));
+    parts.tracks.rotate_right(1);
+    parts.tracks.truncate(3);
+    parts.tracks.iter_mut().for_each(|track| track.states.truncate(3));
+    parts.av_index = 0;
+    parts.objects_of_interest = parts.tracks.iter().map(|track| track.id).collect();
+    parts.tracks_to_predict = vec![world::scene::TrackToPredict { track_index: 1, difficulty: 2 }];
+    let map = &mut parts.map;
+    map.lanes.truncate(3);
+    map.road_lines.truncate(1);
+    map.road_edges.truncate(1);
+    map.crosswalks.truncate(1);
+    map.speed_bumps = map.crosswalks.iter().map(|area| world::map::Area { id: world::map::MapId(901), ..area.clone() }).collect();
+    map.driveways = map.crosswalks.iter().map(|area| world::map::Area { id: world::map::MapId(902), ..area.clone() }).collect();
+    map.stop_signs = vec![world::map::StopSign {
+        id: world::map::MapId(903),
+        lanes: map.lanes.iter().map(|lane| lane.id).collect(),
+        position: world::geometry::Point3::default(),
+    }];
+    map.lanes.iter_mut().for_each(|lane| lane.centerline.truncate(3));
+    map.road_lines.iter_mut().for_each(|line| line.polyline.truncate(2));
+    map.road_edges.iter_mut().for_each(|edge| edge.polyline.truncate(2));
+    let without_map = world::scene::SceneParts { map: world::map::Map::default(), ..parts.clone() };
+    [parts, without_map].into_iter().filter_map(|parts| Some(womd::write(&parts.check().ok()?.0))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generated::Pcg32;
+
+    /// A few thousand inputs, each a whole one with some bytes changed, cut out, repeated or put in.
+    fn mutated(seeds: &[Vec<u8>], count: usize, mut test: impl FnMut(&[u8])) {
+        let mut random = Pcg32::new(1, 1);
+        let mut pick = |below: usize| random.between(0.0, below.max(1) as f64) as usize;
+        for round in 0..count {
+            let mut input = seeds[round % seeds.len()].clone();
+            for _ in 0..=pick(4) {
+                let (at, length) = (pick(input.len()), pick(9));
+                let end = (at + length).min(input.len());
+                match pick(5) {
+                    0 => input.truncate(at),
+                    1 => drop(input.drain(at..end)),
+                    2 => input.extend_from_within(at..end),
+                    3 => input.splice(at..at, [0xff, 0xff, 0xff, 0xff, 0x0f]).for_each(drop),
+                    _ => input[at..end].iter_mut().for_each(|byte| *byte ^= 1 << (length % 8)),
+                }
+            }
+            test(&input);
+        }
+    }
+
+    #[test]
+    fn mutated_scenes_do_no_harm() {
+        let seeds = womd_seeds();
+        assert!(seeds.len() == 2 && seeds.iter().all(|seed| seed.len() < 2000));
+        seeds.iter().for_each(|seed| assert!(womd::read(seed).is_ok()));
+        mutated(&seeds, 20_000, |input| {
+            womd(input);
+            womd_lint(input);
+        });
+    }
+
+    #[test]
+    fn mutated_files_do_no_harm() {
+        let mut file = Vec::new();
+        for payload in [&b"one"[..], b"", b"three and a little more"] {
+            crate::tfrecord::append_record(&mut file, payload);
+        }
+        mutated(&[file], 20_000, tfrecord);
+    }
+
+    #[test]
+    fn mutated_scene_sets_do_no_harm() {
+        let text = b"files = ['a']\nglobs = ['b*']\nscenes = ['c']\n[[generate]]\nfamily = 'd'\nseed = 7\ncount = 3\n";
+        mutated(&[text.to_vec()], 5_000, scene_set_toml);
+    }
+}

@@ -1,0 +1,106 @@
+//! The binary: what it prints and how it ends.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use insta::assert_snapshot;
+
+/// Runs `scenarios` in `folder`: its output, its errors and its exit code, as a person would see them.
+fn run_in(folder: &Path, arguments: &[&str]) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_scenarios"));
+    let output = command.args(arguments).current_dir(folder).env_remove("RUST_LOG").env("COLUMNS", "100").output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
+    let part = |name: &str, text: String| if text.is_empty() { String::new() } else { format!("--- {name}\n{text}") };
+    let parts = [part("stdout", text(&output.stdout)), part("stderr", text(&output.stderr))].concat();
+    format!("{parts}--- exit {}\n", output.status.code().unwrap())
+}
+
+fn run(arguments: &[&str]) -> String {
+    run_in(tempfile::tempdir().unwrap().path(), arguments)
+}
+
+#[test]
+fn list() {
+    assert_snapshot!(run(&["list"]));
+}
+
+#[test]
+fn inspect() {
+    assert_snapshot!(run(&["inspect", "demo", "--scene", "demo-red-light", "--scene", "demo-crossing"]));
+}
+
+#[test]
+fn lint_of_clean_scenes() {
+    assert_snapshot!(run(&["lint"]));
+}
+
+#[test]
+fn lint_of_a_log_that_collides_with_what_is_on_the_road() {
+    let folder = tempfile::tempdir().unwrap();
+    let payload = scenarios::generated::Family::named("following").unwrap().payload("crash", 0, 0).unwrap();
+    let (scene, _) = scenarios::womd::read(&payload).unwrap();
+    let mut parts = scene.into_parts();
+    let mut stopped = parts.tracks[parts.av_index].states[60];
+    stopped.as_mut().unwrap().length = 4.0;
+    parts.tracks[0].states = vec![stopped; 200];
+    parts.tracks[1].states[50].as_mut().unwrap().x += 30.0;
+    parts.map.lanes.iter_mut().for_each(|lane| lane.speed_limit_mph = 0.0);
+    let (scene, _) = parts.check().unwrap();
+    let mut file = Vec::new();
+    scenarios::tfrecord::append_record(&mut file, &scenarios::womd::write(&scene));
+    std::fs::write(folder.path().join("crash.tfrecord"), file).unwrap();
+    assert_snapshot!(run_in(folder.path(), &["lint", "crash.tfrecord"]));
+}
+
+#[test]
+fn lint_of_a_scene_that_cannot_be_judged_exits_with_1() {
+    let folder = tempfile::tempdir().unwrap();
+    let payload = scenarios::generated::Family::named("curve").unwrap().payload("nowhere", 0, 0).unwrap();
+    let (scene, _) = scenarios::womd::read(&payload).unwrap();
+    let mut parts = scene.into_parts();
+    parts.map = world::map::Map::default();
+    let (scene, _) = parts.check().unwrap();
+    let mut file = Vec::new();
+    scenarios::tfrecord::append_record(&mut file, &scenarios::womd::write(&scene));
+    std::fs::write(folder.path().join("x.tfrecord"), file).unwrap();
+    assert_snapshot!(run_in(folder.path(), &["lint", "x.tfrecord", "--at-least", "error"]));
+}
+
+#[test]
+fn export_and_list_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = run_in(folder.path(), &["export", "demo", "--out", "scenes"]);
+    let again = run_in(folder.path(), &["export", "demo", "--out", "scenes"]);
+    let list = run_in(folder.path(), &["list", "scenes"]);
+    assert_snapshot!([first, again, list].concat());
+}
+
+#[test]
+fn errors_say_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).unwrap();
+    write("cut.tfrecord", &[0x73, 0x8a, 0x0e, 0, 0, 0, 0, 0, 0x19, 0x37, 0x44, 0x11, 9, 9]);
+    write("packed.tfrecord.gz", &[0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 3, 1, 2, 3]);
+    write("notes.txt", b"dear diary");
+    write("typo.toml", b"file = ['x']\n");
+    write("family.toml", b"[[generate]]\nfamily = 'roundabout'\n");
+    std::fs::create_dir(folder.path().join("empty")).unwrap();
+    let inputs = ["cut.tfrecord", "packed.tfrecord.gz", "notes.txt", "typo.toml", "family.toml", "empty", "gone", "*.none"];
+    let texts: Vec<String> = inputs.iter().map(|input| run_in(folder.path(), &["list", input])).collect();
+    assert_snapshot!(texts.concat());
+}
+
+#[test]
+fn an_unknown_scene_and_wrong_usage() {
+    assert_snapshot!([run(&["list", "--scene", "demo-roundabout"]), run(&["lint", "--at-least", "much"])].concat());
+}
+
+#[test]
+fn a_reader_that_has_seen_enough_is_no_error() {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_scenarios"));
+    let mut child = command.arg("inspect").stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{output:?}");
+    assert!(output.stderr.is_empty(), "{output:?}");
+}
