@@ -1,5 +1,7 @@
 //! Writes small whole scenes into the folder given, for the fuzzer to start from.
 
+#![allow(clippy::expect_used, reason = "wrong usage may end it by panic")]
+
 use std::path::PathBuf;
 
 fn main() -> std::io::Result<()> {
