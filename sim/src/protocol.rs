@@ -1,1 +1,211 @@
-//! The rules of an episode.
+//! The rules of an episode, as settings. They are written to `run.toml` with every default filled in, so that a run can be
+//! repeated from its folder alone.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+use world::vehicle::{BicycleModel, Limits, WHEELBASE};
+
+/// Which rules. Numbers of one protocol are never mixed with another's.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", tag = "name")]
+pub enum Protocol {
+    /// What an evaluator should believe: a bicycle model, oriented boxes, every agent, fault classes.
+    Strict(StrictSettings),
+}
+
+impl Default for Protocol {
+    fn default() -> Self {
+        Self::Strict(StrictSettings::default())
+    }
+}
+
+impl Protocol {
+    /// The name that every file and table carries.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Strict(_) => "strict",
+        }
+    }
+
+    /// # Errors
+    /// [`SettingError`] names the first setting that makes no sense.
+    pub fn check(&self) -> Result<(), SettingError> {
+        match self {
+            Self::Strict(settings) => settings.check(),
+        }
+    }
+}
+
+/// How the AV gets from one step to the next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Motion {
+    /// By the kinematic bicycle model, from the plan's first control or from the tracker.
+    #[default]
+    Bicycle,
+    /// The AV is put on the plan's first state. For log replay (driver `human`) alone: it judges the log itself.
+    Playback,
+}
+
+/// The distance between the AV's axles.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Wheelbase {
+    /// So many metres, whatever the AV's size.
+    Fixed(f64),
+    /// This share of the AV's length.
+    OfLength(f64),
+}
+
+impl Default for Wheelbase {
+    fn default() -> Self {
+        Self::Fixed(WHEELBASE)
+    }
+}
+
+impl Wheelbase {
+    /// The wheelbase (m) of an AV of `length` (m).
+    #[must_use]
+    pub fn of(self, length: f64) -> f64 {
+        match self {
+            Self::Fixed(wheelbase) => wheelbase,
+            Self::OfLength(share) => share * length,
+        }
+    }
+}
+
+/// Which contact ends an episode.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EndingCollision {
+    /// One that the AV is at fault for; others are counted and the drive goes on.
+    #[default]
+    AtFault,
+    /// Any.
+    Any,
+    /// None: the drive goes on to the horizon, as in nuPlan.
+    None,
+}
+
+/// The settings of the strict protocol.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct StrictSettings {
+    /// Log index of step 0 (19: two seconds of history, as in the paper).
+    pub start: u32,
+    /// The most steps that are driven (150: 15 s).
+    pub horizon: u32,
+    /// How the AV moves.
+    pub motion: Motion,
+    /// Distance between the AV's axles.
+    pub wheelbase: Wheelbase,
+    /// Greatest acceleration and deceleration (m/s^2).
+    pub max_acceleration: f64,
+    /// Greatest angle of the front wheels to either side (rad).
+    pub max_steering: f64,
+    /// Greatest change of that angle (rad/s).
+    pub max_steering_rate: f64,
+    /// Greatest distance of the AV's centre to the route (m); beyond it the episode ends.
+    pub off_route_distance: f64,
+    /// Which contact ends the episode.
+    pub ending_collision: EndingCollision,
+}
+
+impl Default for StrictSettings {
+    fn default() -> Self {
+        Self {
+            start: 19,
+            horizon: 150,
+            motion: Motion::Bicycle,
+            wheelbase: Wheelbase::default(),
+            max_acceleration: Limits::STRICT.acceleration,
+            max_steering: Limits::STRICT.steering,
+            max_steering_rate: Limits::STRICT.steering_rate,
+            off_route_distance: 5.0,
+            ending_collision: EndingCollision::AtFault,
+        }
+    }
+}
+
+impl StrictSettings {
+    /// What the AV can do.
+    #[must_use]
+    pub fn limits(&self) -> Limits {
+        Limits {
+            acceleration: self.max_acceleration,
+            steering: self.max_steering,
+            steering_rate: self.max_steering_rate,
+        }
+    }
+
+    /// How an AV of `length` (m) moves.
+    #[must_use]
+    pub fn vehicle(&self, length: f64) -> BicycleModel {
+        BicycleModel {
+            acceleration_clip: self.max_acceleration,
+            steering_clip: self.max_steering,
+            ..BicycleModel::new(self.wheelbase.of(length))
+        }
+    }
+}
+
+/// A setting that makes no sense.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error("{setting} is {value}, but it must be {needed}")]
+pub struct SettingError {
+    setting: &'static str,
+    value: f64,
+    needed: &'static str,
+}
+
+impl StrictSettings {
+    fn check(&self) -> Result<(), SettingError> {
+        let positive = |setting, value: f64| {
+            if value.is_finite() && value > 0.0 {
+                Ok(())
+            } else {
+                Err(SettingError { setting, value, needed: "finite and above 0" })
+            }
+        };
+        positive("horizon", f64::from(self.horizon))?;
+        positive("wheelbase", self.wheelbase.of(1.0))?;
+        positive("max-acceleration", self.max_acceleration)?;
+        positive("max-steering-rate", self.max_steering_rate)?;
+        positive("off-route-distance", self.off_route_distance)?;
+        positive("max-steering", self.max_steering)?;
+        if self.max_steering >= 1.5 {
+            let needed = "below 1.5 rad: its tangent must stay finite";
+            return Err(SettingError { setting: "max-steering", value: self.max_steering, needed });
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_survive_toml_and_name_their_protocol() {
+        let protocol = Protocol::default();
+        let text = toml::to_string(&protocol).unwrap();
+        assert!(text.starts_with("name = \"strict\""), "{text}");
+        assert_eq!(toml::from_str::<Protocol>(&text).unwrap(), protocol);
+    }
+
+    #[test]
+    fn what_is_left_out_has_its_default_and_what_is_misspelt_is_refused() {
+        let protocol: Protocol = toml::from_str("name = \"strict\"\nhorizon = 50").unwrap();
+        assert_eq!(protocol, Protocol::Strict(StrictSettings { horizon: 50, ..StrictSettings::default() }));
+        assert!(toml::from_str::<StrictSettings>("horizn = 50").is_err());
+    }
+
+    #[test]
+    fn a_senseless_setting_is_named() {
+        let settings = StrictSettings { max_steering: 1.6, ..StrictSettings::default() };
+        let error = Protocol::Strict(settings).check().unwrap_err().to_string();
+        assert!(error.starts_with("max-steering is 1.6"), "{error}");
+    }
+}

@@ -1,0 +1,184 @@
+//! What stays the same over an episode, laid out for its steps; and the reading of the AV against it, step by step.
+
+use std::collections::BTreeSet;
+
+use world::geometry::{Point, Point3};
+use world::map::MapId;
+use world::reference_line::SAMPLE_SPACING;
+use world::route::Route;
+use world::scene::Scene;
+
+use super::traffic::Traffic;
+use crate::judges::Body;
+use crate::judges::lanes::{LaneReading, LaneTracker, Lanes, WRONG_WAY};
+use crate::judges::level::Level;
+use crate::judges::red_light::{RedStop, RedStops};
+use crate::judges::road::{RoadEdges, TOLERANCE};
+use crate::metrics::nuplan::OVERSPEED;
+use crate::protocol::StrictSettings;
+
+/// The scene as the judges need it.
+#[derive(Clone, Debug)]
+pub struct Course {
+    pub(super) route: Route,
+    pub(super) traffic: Traffic,
+    pub(super) level: Level,
+    lanes: Lanes,
+    edges: RoadEdges,
+    red_stops: RedStops,
+    off_route_distance: f64,
+}
+
+/// What the judges read of the AV at one step, before netting.
+#[derive(Clone, Copy, Debug)]
+pub struct Reading {
+    /// Nearest sample of the reference line.
+    pub sample: usize,
+    /// Arc length along the reference line (m).
+    pub station: f64,
+    /// Offset from the line, positive to the left (m).
+    pub lateral_offset: f64,
+    /// Distance of the AV's centre to the line (m).
+    pub route_distance: f64,
+    /// What the lanes say.
+    pub lane: LaneReading,
+    /// How far the outermost corner is beyond the road's edge (m).
+    pub road_edge_distance: Option<f64>,
+    /// The red stop point that was crossed in this step.
+    pub red_stop: Option<RedStop>,
+    /// Which rules are broken.
+    pub faults: Faults,
+}
+
+/// Which of the rules without a memory of their own are broken.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the names say it all")]
+pub struct Faults {
+    pub off_route: bool,
+    pub off_road: bool,
+    pub outside_drivable_area: bool,
+    pub wrong_way: bool,
+    pub speeding: bool,
+}
+
+impl Course {
+    /// The course of `scene` along `route`.
+    #[must_use]
+    pub fn of(scene: &Scene, route: Route, settings: &StrictSettings) -> Self {
+        let line = &route.line;
+        let every_metre = (0..line.len()).step_by(10);
+        let points: Vec<Point3> = every_metre.map(|at| Point3::new(line.x[at], line.y[at], line.z[at])).collect();
+        let level = Level::along(&points);
+        Self {
+            traffic: Traffic::of(scene),
+            lanes: Lanes::of(scene.map(), &level),
+            edges: RoadEdges::of(scene.map(), &level),
+            red_stops: RedStops::of(scene, &route.lanes),
+            off_route_distance: settings.off_route_distance,
+            level,
+            route,
+        }
+    }
+}
+
+/// Reads the AV step by step; remembers what a rule needs of the steps before.
+#[derive(Clone, Debug, Default)]
+pub struct Reader {
+    lanes: LaneTracker,
+    sample: Option<usize>,
+    front: Option<Point>,
+}
+
+impl Reader {
+    /// The reading of the AV at `log_index`.
+    pub fn read(&mut self, course: &Course, log_index: usize, av: &Body) -> Reading {
+        let center = av.outline.center;
+        let line = &course.route.line;
+        let (sample, route_distance) = match self.sample {
+            Some(before) => course.route.nearest_sample_from(center, before),
+            None => course.route.nearest_sample(center),
+        };
+        self.sample = Some(sample);
+        let offset = center - line.point(sample);
+        let forward = Point::unit(line.heading[sample]);
+        let lane = self.lanes.read(&course.lanes, av);
+        let road_edge_distance = course.edges.beyond(av);
+        let front = av.outline.front();
+        let red_stop = self.front.zip(log_index.checked_sub(1));
+        let red_stop = red_stop.and_then(|(before, index)| course.red_stops.crossed(index, before, front));
+        self.front = Some(front);
+        let beyond = |limit: f64| road_edge_distance.is_some_and(|distance| distance > limit);
+        Reading {
+            sample,
+            station: sample as f64 * SAMPLE_SPACING + forward.dot(offset),
+            lateral_offset: forward.cross(offset),
+            route_distance,
+            lane,
+            road_edge_distance,
+            red_stop,
+            faults: Faults {
+                off_route: route_distance > course.off_route_distance,
+                off_road: beyond(0.0),
+                outside_drivable_area: beyond(TOLERANCE),
+                wrong_way: lane.backward_travel >= WRONG_WAY,
+                speeding: lane.speed_limit > 0.0 && av.speed - lane.speed_limit > OVERSPEED,
+            },
+        }
+    }
+}
+
+/// The logged AV, judged by the same rules.
+#[derive(Clone, Debug)]
+pub struct Human {
+    /// Log index of the first entry.
+    start: usize,
+    steps: Vec<Option<(Body, Reading)>>,
+    red_stops_crossed: BTreeSet<MapId>,
+}
+
+impl Human {
+    /// The logged AV of `scene` from `start` to before `end`.
+    #[must_use]
+    pub fn of(scene: &Scene, course: &Course, start: usize, end: usize) -> Self {
+        let mut reader = Reader::default();
+        let mut red_stops_crossed = BTreeSet::new();
+        let steps = (start..end).map(|log_index| {
+            let body = Body::of(scene.av().states[log_index]?);
+            let reading = reader.read(course, log_index, &body);
+            red_stops_crossed.extend(reading.red_stop.map(|stop| stop.lane));
+            Some((body, reading))
+        });
+        Self { start, steps: steps.collect(), red_stops_crossed }
+    }
+
+    fn at(&self, log_index: usize) -> Option<&(Body, Reading)> {
+        self.steps.get(log_index.checked_sub(self.start)?)?.as_ref()
+    }
+
+    /// Its body at `log_index`, if it is there.
+    #[must_use]
+    pub fn body(&self, log_index: usize) -> Option<&Body> {
+        self.at(log_index).map(|(body, _)| body)
+    }
+
+    /// The rules that it breaks at `log_index`.
+    #[must_use]
+    pub fn faults(&self, log_index: usize) -> Faults {
+        self.at(log_index).map(|(_, reading)| reading.faults).unwrap_or_default()
+    }
+
+    /// Whether it crosses the stop point of `lane` at red, at any step. A planner crosses it at another step than the
+    /// human, for the same reason: turning right at red, or a signal that was read wrong.
+    #[must_use]
+    pub fn crosses_red(&self, lane: MapId) -> bool {
+        self.red_stops_crossed.contains(&lane)
+    }
+
+    /// Its progress along the reference line from the start to the last step at which it is there (m).
+    #[must_use]
+    pub fn route_progress(&self) -> Option<f64> {
+        let mut present = self.steps.iter().flatten().map(|(_, reading)| reading.station);
+        let first = present.next()?;
+        Some(present.last().unwrap_or(first) - first)
+    }
+}

@@ -1,0 +1,374 @@
+//! Which lane the AV is in, whether its box lies wholly in one, how far it has driven against a lane's direction, and how
+//! fast it may go there: what nuPlan asks its lane polygons for.
+//!
+//! WOMD has center lines and, along most of them, boundaries. What stands for a polygon is the strip from one boundary to
+//! the other; where the map names none, [`HALF_WIDTH`] to that side. As in nuPlan, the AV's lane is kept while it holds the AV's
+//! centre, then looked for among the lanes that it leads to, then in the whole map. In an intersection many lanes hold the same
+//! point; nuPlan picks by where the AV ends up, we by the direction it looks to.
+
+use std::collections::BTreeMap;
+
+use world::geometry::{Point, Segment, SegmentGrid};
+use world::map::{BoundarySegment, Lane, Map, MapId};
+use world::plan::STEP_SECONDS;
+
+use super::Body;
+use super::level::Level;
+
+/// Half the width (m) of a lane whose boundary the map does not name: half of a lane of 12 feet.
+pub const HALF_WIDTH: f64 = 1.83;
+
+/// A lane reaches at most this far (m) from its center line, wherever its boundary is.
+const WIDEST: f64 = 4.0;
+
+/// Metres driven against a lane within a second from which on the AV drives the wrong way (nuPlan's compliance threshold).
+pub const WRONG_WAY: f64 = 2.0;
+
+/// Samples of that second, both ends included.
+const SECOND: usize = 1 + (1.0 / STEP_SECONDS) as usize;
+
+/// The most lanes that are looked at around a point.
+const CANDIDATES: usize = 32;
+
+/// cos 45 degrees: a lane is the AV's way if it points within that of where the AV looks.
+const ALIGNED: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+/// So far (m) outside of its lane the AV still follows it in an intersection (nuPlan's distance).
+const CUTTING: f64 = 5.0;
+
+/// A lane as a strip.
+#[derive(Clone, Debug)]
+struct Strip {
+    points: Vec<Point>,
+    /// Arc length (m) at each point.
+    stations: Vec<f64>,
+    /// Half width (m) to the left and to the right at each point.
+    widths: Vec<[f64; 2]>,
+    entries: Vec<usize>,
+    exits: Vec<usize>,
+    /// m/s, 0 where it is not known.
+    speed_limit: f64,
+    intersection: bool,
+    /// Number of its first segment in the grid.
+    first_segment: usize,
+}
+
+/// A point's place in a lane.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    segment: usize,
+    station: f64,
+    /// Distance to the center line (m).
+    distance: f64,
+    /// How far outside of the strip (m), 0 within; infinite before the lane's start and beyond its end.
+    outside: f64,
+    /// Cosine of the angle between the lane and where the body looks.
+    alignment: f64,
+}
+
+impl Place {
+    fn is_inside(&self) -> bool {
+        self.outside == 0.0
+    }
+
+    /// Whether the body is in the lane, or `margin` (m) beside it, and looks its way.
+    fn is_way(&self, margin: f64) -> bool {
+        self.outside <= margin && self.alignment >= ALIGNED
+    }
+}
+
+/// By distance to the center line, then in the map's order.
+fn nearer(a: &(usize, Place), b: &(usize, Place)) -> std::cmp::Ordering {
+    a.1.distance.total_cmp(&b.1.distance).then(a.0.cmp(&b.0))
+}
+
+/// The lanes around the route that cars drive on.
+#[derive(Clone, Debug)]
+pub struct Lanes {
+    strips: Vec<Strip>,
+    grid: SegmentGrid,
+}
+
+impl Lanes {
+    /// The lanes of `map` on the route's level.
+    #[must_use]
+    pub fn of(map: &Map, level: &Level) -> Self {
+        let usable = |lane: &&Lane| {
+            lane.kind.is_drivable() && lane.centerline.iter().any(|point| level.holds(*point))
+        };
+        let mut lanes: Vec<(&Lane, Vec<usize>)> = Vec::new();
+        for lane in map.lanes.iter().filter(usable) {
+            // Which points are kept: those that do not repeat.
+            let mut kept: Vec<usize> = (0..lane.centerline.len()).collect();
+            kept.dedup_by(|a, b| lane.centerline[*a].xy() == lane.centerline[*b].xy());
+            if kept.len() > 1 {
+                lanes.push((lane, kept));
+            }
+        }
+        let places: BTreeMap<MapId, usize> = lanes.iter().enumerate().map(|(at, (lane, _))| (lane.id, at)).collect();
+        let limits: BTreeMap<MapId, f64> =
+            map.lanes.iter().map(|lane| (lane.id, lane.speed_limit().unwrap_or(0.0))).collect();
+        let boundaries = Boundaries::of(map);
+        let mut first_segment = 0;
+        let strips = lanes.iter().map(|(lane, kept)| {
+            let strip = Strip::of(lane, kept, &places, &limits, &boundaries, first_segment);
+            first_segment += kept.len() - 1;
+            strip
+        });
+        let strips: Vec<Strip> = strips.collect();
+        let chains = strips.iter().enumerate().map(|(index, strip)| (index as u32, strip.points.iter().copied()));
+        let grid = SegmentGrid::new(chains, 4.0);
+        Self { strips, grid }
+    }
+
+    /// The lanes that hold `point`, each with its place, up to [`CANDIDATES`]; in no order to rely on.
+    fn holding(&self, point: Point, forward: Point) -> Candidates {
+        let mut found = Candidates::default();
+        self.grid.for_each_near(point, WIDEST, |segment| {
+            let lane = self.grid.payload(segment) as usize;
+            if found.iter().all(|(known, _)| known != lane) {
+                let strip = &self.strips[lane];
+                let place = strip.place(segment - strip.first_segment, point, forward);
+                if place.is_inside() {
+                    found.push(lane, place);
+                }
+            }
+        });
+        found
+    }
+
+    /// Whether each corner lies in `lane` or in one that it leads to or comes from.
+    fn holds_all(&self, lane: usize, segment: usize, corners: &[Point; 4]) -> bool {
+        let strip = &self.strips[lane];
+        corners.iter().all(|corner| {
+            let inside = |lane: usize, from: usize| self.strips[lane].place(from, *corner, Point::default()).is_inside();
+            inside(lane, segment)
+                || strip.exits.iter().any(|exit| inside(*exit, 0))
+                || strip.entries.iter().any(|entry| inside(*entry, self.strips[*entry].points.len() - 2))
+        })
+    }
+}
+
+/// Finds where a lane's boundaries run.
+struct Boundaries {
+    grid: SegmentGrid,
+    ids: Vec<MapId>,
+}
+
+impl Boundaries {
+    fn of(map: &Map) -> Self {
+        let lines = map.road_lines.iter().map(|line| (line.id, &line.polyline));
+        let edges = map.road_edges.iter().map(|edge| (edge.id, &edge.polyline));
+        let features: Vec<_> = lines.chain(edges).collect();
+        let ids = features.iter().map(|(id, _)| *id).collect();
+        let chains = features.iter().enumerate();
+        let chains = chains.map(|(index, (_, line))| (index as u32, line.iter().map(|point| point.xy())));
+        Self { grid: SegmentGrid::new(chains, 4.0), ids }
+    }
+
+    /// How far (m) a lane reaches to one side at its point number `index`.
+    fn half_width(&self, segments: &[BoundarySegment], index: usize, point: Point) -> f64 {
+        let covers = |segment: &&BoundarySegment| {
+            let range = segment.lane_start_index..=segment.lane_end_index;
+            segment.feature != MapId(0) && i32::try_from(index).is_ok_and(|index| range.contains(&index))
+        };
+        let Some(boundary) = segments.iter().find(covers) else { return HALF_WIDTH };
+        let mut nearest = WIDEST;
+        self.grid.for_each_near(point, WIDEST, |segment| {
+            if self.ids[self.grid.payload(segment) as usize] == boundary.feature {
+                nearest = nearest.min(self.grid.segment(segment).nearest_to(point).distance_squared.sqrt());
+            }
+        });
+        nearest
+    }
+}
+
+impl Strip {
+    fn of(
+        lane: &Lane,
+        kept: &[usize],
+        places: &BTreeMap<MapId, usize>,
+        limits: &BTreeMap<MapId, f64>,
+        boundaries: &Boundaries,
+        first_segment: usize,
+    ) -> Self {
+        let points: Vec<Point> = kept.iter().map(|index| lane.centerline[*index].xy()).collect();
+        let widths = kept.iter().zip(&points).map(|(index, point)| {
+            [&lane.left_boundaries, &lane.right_boundaries].map(|side| boundaries.half_width(side, *index, *point))
+        });
+        let mut stations = vec![0.0];
+        for pair in points.windows(2) {
+            stations.push(stations[stations.len() - 1] + pair[0].distance(pair[1]));
+        }
+        let linked = |links: &[MapId]| links.iter().filter_map(|id| places.get(id).copied()).collect();
+        Self {
+            widths: widths.collect(),
+            stations,
+            entries: linked(&lane.entries),
+            exits: linked(&lane.exits),
+            speed_limit: speed_limit(lane, limits),
+            intersection: lane.interpolating,
+            first_segment,
+            points,
+        }
+    }
+
+    /// The place of `point`, looked for from segment `from` on downhill: lanes are smooth, and `from` is near.
+    fn place(&self, from: usize, point: Point, forward: Point) -> Place {
+        let at = |index: usize| {
+            let segment = Segment { start: self.points[index], end: self.points[index + 1] };
+            (segment, segment.nearest_to(point))
+        };
+        let last = self.points.len() - 2;
+        let (mut index, mut best) = (from.min(last), at(from.min(last)));
+        for step in [1_isize, -1] {
+            while let Some(next) = index.checked_add_signed(step).filter(|next| *next <= last) {
+                let candidate = at(next);
+                if candidate.1.distance_squared >= best.1.distance_squared {
+                    break;
+                }
+                (index, best) = (next, candidate);
+            }
+        }
+        let (segment, nearest) = best;
+        let along = segment.vector();
+        let length = self.stations[index + 1] - self.stations[index];
+        let offset = point - segment.start;
+        // Unclamped, to see what lies before the lane's start or beyond its end.
+        let ahead = offset.dot(along) / length;
+        let beyond = (index == 0 && ahead < 0.0) || (index == last && ahead > length);
+        let distance = nearest.distance_squared.sqrt();
+        let side = usize::from(along.cross(offset) < 0.0);
+        let width = self.widths[index][side] * (1.0 - nearest.fraction) + self.widths[index + 1][side] * nearest.fraction;
+        Place {
+            segment: index,
+            station: self.stations[index] + length * nearest.fraction,
+            distance,
+            outside: if beyond { f64::INFINITY } else { (distance - width).max(0.0) },
+            alignment: along.dot(forward) / length,
+        }
+    }
+}
+
+/// The lane's limit (m/s); between two others the larger of theirs, if all are known (nuPlan's rule for connectors), else
+/// its own. 0 where it is not known.
+fn speed_limit(lane: &Lane, limits: &BTreeMap<MapId, f64>) -> f64 {
+    let around = lane.entries.iter().chain(&lane.exits).map(|id| limits.get(id).copied().unwrap_or(0.0));
+    let known = around.clone().count() > 0 && around.clone().all(|limit| limit > 0.0);
+    if lane.interpolating && known { around.fold(0.0, f64::max) } else { limits.get(&lane.id).copied().unwrap_or(0.0) }
+}
+
+/// A handful of lanes, without allocation.
+#[derive(Default)]
+struct Candidates {
+    lanes: [Option<(usize, Place)>; CANDIDATES],
+    count: usize,
+}
+
+impl Candidates {
+    fn push(&mut self, lane: usize, place: Place) {
+        if self.count < CANDIDATES {
+            self.lanes[self.count] = Some((lane, place));
+            self.count += 1;
+        }
+    }
+
+    fn iter(&self) -> impl Iterator<Item = (usize, Place)> + '_ {
+        self.lanes[..self.count].iter().flatten().copied()
+    }
+}
+
+/// What the lanes say of the AV at one step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LaneReading {
+    /// Whether its box lies wholly in one lane, or in one and those it leads to or comes from.
+    pub in_one_lane: bool,
+    /// Whether its lane is one of an intersection.
+    pub in_intersection: bool,
+    /// Metres driven against the lane's direction in the last second, never negative.
+    pub backward_travel: f64,
+    /// m/s, 0 where it is not known.
+    pub speed_limit: f64,
+}
+
+/// Follows the AV from lane to lane.
+#[derive(Clone, Debug, Default)]
+pub struct LaneTracker {
+    /// The AV's lane, and its segment in it.
+    lane: Option<(usize, usize)>,
+    /// The lane that the last progress was measured in, and the AV's station in it.
+    measured: Option<(usize, Option<f64>)>,
+    /// Progress along the lane (m) at each of the last samples.
+    progress: [f64; SECOND],
+    next: usize,
+}
+
+impl LaneTracker {
+    /// The reading at the next step.
+    pub fn read(&mut self, lanes: &Lanes, av: &Body) -> LaneReading {
+        let found = self.find(lanes, av);
+        self.lane = found.map(|(lane, place)| (lane, place.segment));
+        self.progress[self.next] = found.map_or(0.0, |(lane, place)| self.measure(lane, place.station));
+        self.next = (self.next + 1) % SECOND;
+        let strip = found.map(|(lane, _)| &lanes.strips[lane]);
+        LaneReading {
+            in_one_lane: found.is_some_and(|(lane, place)| in_one_lane(lanes, lane, place.segment, av)),
+            in_intersection: strip.is_some_and(|strip| strip.intersection),
+            backward_travel: (-self.progress.iter().sum::<f64>()).max(0.0),
+            speed_limit: strip.map_or(0.0, |strip| strip.speed_limit),
+        }
+    }
+
+    fn find(&self, lanes: &Lanes, av: &Body) -> Option<(usize, Place)> {
+        let (center, forward) = (av.outline.center, av.outline.forward);
+        let current = self.lane.map(|(lane, segment)| (lane, lanes.strips[lane].place(segment, center, forward)));
+        if let Some((lane, place)) = current {
+            if place.is_way(0.0) {
+                return current;
+            }
+            let exits = lanes.strips[lane].exits.iter();
+            let exits = exits.map(|exit| (*exit, lanes.strips[*exit].place(0, center, forward)));
+            let best = exits.filter(|(_, place)| place.is_way(0.0)).min_by(nearer);
+            if best.is_some() {
+                return best;
+            }
+        }
+        // One that points the AV's way before one that crosses it, that before one that comes towards it.
+        let candidates = lanes.holding(center, forward);
+        let aligned = candidates.iter().filter(|(_, place)| place.alignment >= ALIGNED).min_by(nearer);
+        let found = aligned
+            .or_else(|| candidates.iter().max_by(|a, b| a.1.alignment.total_cmp(&b.1.alignment).then(b.0.cmp(&a.0))));
+        // Who cuts a corner within an intersection keeps his lane, rather than take one that only crosses it.
+        let in_intersection = |lane: usize| lanes.strips[lane].intersection;
+        let kept = current.filter(|(lane, place)| in_intersection(*lane) && place.is_way(CUTTING));
+        let leads_on = |(lane, place): (usize, Place)| !in_intersection(lane) && place.alignment >= ALIGNED;
+        kept.filter(|_| !found.is_some_and(leads_on)).or(found)
+    }
+
+    /// Progress in `lane` since the last sample (m), as nuPlan counts it: none at the first two samples in a new lane.
+    fn measure(&mut self, lane: usize, station: f64) -> f64 {
+        match self.measured {
+            Some((same, before)) if same == lane => {
+                self.measured = Some((lane, Some(station)));
+                before.map_or(0.0, |before| station - before)
+            }
+            Some(_) => {
+                self.measured = Some((lane, None));
+                0.0
+            }
+            None => {
+                self.measured = Some((lane, Some(station)));
+                0.0
+            }
+        }
+    }
+}
+
+fn in_one_lane(lanes: &Lanes, lane: usize, segment: usize, av: &Body) -> bool {
+    let corners = av.outline.corners();
+    lanes.holds_all(lane, segment, &corners)
+        || lanes
+            .holding(av.outline.center, av.outline.forward)
+            .iter()
+            .any(|(other, place)| other != lane && lanes.holds_all(other, place.segment, &corners))
+}

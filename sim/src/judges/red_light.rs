@@ -1,0 +1,102 @@
+//! Whether the front bumper crosses the stop point of a lane of the route while its signal shows stop.
+
+use std::collections::BTreeSet;
+
+use world::geometry::{Point, Segment};
+use world::map::MapId;
+use world::scene::Scene;
+
+/// A crossing further to the side than this (m) is of another lane.
+const HALF_WIDTH: f64 = 2.5;
+
+/// A stop point that shows red.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RedStop {
+    /// The lane that it rules.
+    pub lane: MapId,
+    point: Point,
+    direction: Point,
+}
+
+impl RedStop {
+    /// Whether a front bumper that moves from `before` to `after` crosses it.
+    #[must_use]
+    pub fn is_crossed(&self, before: Point, after: Point) -> bool {
+        let (before, after) = (before - self.point, after - self.point);
+        before.dot(self.direction) <= 0.0
+            && after.dot(self.direction) > 0.0
+            && self.direction.cross(after).abs() <= HALF_WIDTH
+    }
+}
+
+/// The red stop points of the route's lanes, step by step.
+#[derive(Clone, Debug, Default)]
+pub struct RedStops {
+    steps: Vec<Vec<RedStop>>,
+}
+
+impl RedStops {
+    /// Those of the lanes in `route`.
+    #[must_use]
+    pub fn of(scene: &Scene, route: &[MapId]) -> Self {
+        let on_route: BTreeSet<MapId> = route.iter().copied().collect();
+        let lanes = scene.map().lane_indices();
+        let stop = |signal: &world::signal::Signal| {
+            let lane = &scene.map().lanes[*lanes.get(&signal.lane)?];
+            let point = signal.stop_point.xy();
+            let direction = direction_at(lane.centerline.iter().map(|point| point.xy()), point)?;
+            Some(RedStop { lane: signal.lane, point, direction })
+        };
+        let steps = (0..scene.steps()).map(|step| {
+            let signals = scene.signals(step).iter();
+            signals.filter(|signal| signal.state.is_red() && on_route.contains(&signal.lane)).filter_map(stop).collect()
+        });
+        Self { steps: steps.collect() }
+    }
+
+    /// The first stop that a front bumper crosses on its way from `before` (at `log_index`) to `after` (one later). It must
+    /// show red at both ends of the step: who enters on yellow is not blamed.
+    #[must_use]
+    pub fn crossed(&self, log_index: usize, before: Point, after: Point) -> Option<RedStop> {
+        let (now, later) = (self.steps.get(log_index)?, self.steps.get(log_index + 1)?);
+        let still_red = |stop: &&RedStop| now.iter().any(|earlier| earlier.lane == stop.lane);
+        later.iter().filter(still_red).find(|stop| stop.is_crossed(before, after)).copied()
+    }
+}
+
+/// The unit vector along the line where it is nearest to `point`.
+fn direction_at(line: impl Iterator<Item = Point>, point: Point) -> Option<Point> {
+    let points: Vec<Point> = line.collect();
+    let segments = points.windows(2).map(|pair| Segment { start: pair[0], end: pair[1] });
+    let nearest = segments
+        .filter(|segment| segment.length() > 0.0)
+        .map(|segment| (segment, segment.nearest_to(point).distance_squared))
+        .reduce(|best, other| if other.1 < best.1 { other } else { best })?;
+    let along = nearest.0.vector();
+    Some(along * (1.0 / along.norm()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STOP: RedStop = RedStop { lane: MapId(1), point: Point::new(10.0, 0.0), direction: Point::new(1.0, 0.0) };
+
+    #[test]
+    fn the_bumper_must_cross_the_stop_point_in_the_lane_and_in_its_direction() {
+        assert!(STOP.is_crossed(Point::new(9.9, 0.5), Point::new(10.1, 0.5)));
+        assert!(!STOP.is_crossed(Point::new(9.8, 0.5), Point::new(10.0, 0.5)), "it stops at the line");
+        assert!(!STOP.is_crossed(Point::new(10.1, 0.5), Point::new(10.5, 0.5)), "it was past the line");
+        assert!(!STOP.is_crossed(Point::new(10.1, 0.5), Point::new(9.9, 0.5)), "it comes from the other side");
+        assert!(!STOP.is_crossed(Point::new(9.9, 3.5), Point::new(10.1, 3.5)), "it is in the next lane");
+    }
+
+    #[test]
+    fn it_must_be_red_before_and_after_the_step() {
+        let stops = |red: [bool; 2]| RedStops {
+            steps: red.map(|red| if red { vec![STOP] } else { Vec::new() }).to_vec(),
+        };
+        let crossed = |red| stops(red).crossed(0, Point::new(9.9, 0.0), Point::new(10.1, 0.0)).is_some();
+        assert!(crossed([true, true]) && !crossed([false, true]) && !crossed([true, false]));
+    }
+}

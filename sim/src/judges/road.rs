@@ -1,0 +1,96 @@
+//! Whether the AV leaves the road: the signed distance of its box's outermost corner to the nearest road edge.
+//!
+//! WOMD has no drivable polygons. What stands for them is the left side of its road edges: that is how the data set draws
+//! them. Edges on another level than the route are left out.
+
+use world::geometry::{Point, SegmentGrid};
+use world::map::Map;
+
+use super::Body;
+use super::level::Level;
+
+/// A corner that far beyond the edge (m) is outside the drivable area (nuPlan's tolerance).
+pub const TOLERANCE: f64 = 0.3;
+
+/// Edges further from a corner than this (m) say nothing.
+const SEARCH_RADIUS: f64 = 10.0;
+
+/// Side of a grid cell (m).
+const CELL: f64 = 4.0;
+
+/// The edges of the road.
+#[derive(Clone, Debug)]
+pub struct RoadEdges {
+    grid: SegmentGrid,
+}
+
+impl RoadEdges {
+    /// The edges of `map` that are on the route's level.
+    #[must_use]
+    pub fn of(map: &Map, level: &Level) -> Self {
+        let mut chains: Vec<(u32, Vec<Point>)> = Vec::new();
+        for (index, edge) in map.road_edges.iter().enumerate() {
+            // A run of points on our level is a chain; one alone is no edge.
+            let runs = edge.polyline.split(|point| !level.holds(*point));
+            let runs = runs.filter(|run| run.len() > 1);
+            chains.extend(runs.map(|run| (index as u32, run.iter().map(|point| point.xy()).collect())));
+        }
+        Self { grid: SegmentGrid::new(chains, CELL) }
+    }
+
+    /// How far the box's outermost corner is beyond the road's edge (m): negative on the road, `None` where no edge is
+    /// within 10 m of any corner.
+    #[must_use]
+    pub fn beyond(&self, av: &Body) -> Option<f64> {
+        let beyond = av.outline.corners().into_iter().filter_map(|corner| {
+            let nearest = self.grid.nearest(corner, SEARCH_RADIUS)?;
+            // Past the free end of an edge there is no side to be on.
+            Some(if nearest.beyond_end { -nearest.distance() } else { -nearest.signed_distance })
+        });
+        beyond.reduce(f64::max)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use world::geometry::Point3;
+    use world::map::{MapId, RoadEdge, RoadEdgeKind};
+    use world::scene::AgentState;
+
+    use super::*;
+
+    fn road(edges: &[(f64, f64, f64, f64, f64)]) -> RoadEdges {
+        let edges = edges.iter().enumerate().map(|(index, (x1, y1, x2, y2, z))| RoadEdge {
+            id: MapId(index as i64),
+            kind: RoadEdgeKind::Boundary,
+            polyline: vec![Point3::new(*x1, *y1, *z), Point3::new(*x2, *y2, *z)],
+        });
+        let map = Map { road_edges: edges.collect(), ..Map::default() };
+        let route = [Point3::new(-50.0, 0.0, 0.0), Point3::new(50.0, 0.0, 0.0)];
+        RoadEdges::of(&map, &Level::along(&route))
+    }
+
+    fn av(y: f64) -> Body {
+        Body::of(AgentState { y, length: 5.0, width: 2.0, ..AgentState::default() })
+    }
+
+    #[test]
+    fn the_outermost_corner_is_measured_and_the_left_of_an_edge_is_road() {
+        // The road runs along x between y = -4 and y = 4.
+        let road = road(&[(-50.0, -4.0, 50.0, -4.0, 0.0), (50.0, 4.0, -50.0, 4.0, 0.0)]);
+        assert_eq!(road.beyond(&av(0.0)), Some(-3.0));
+        assert_eq!(road.beyond(&av(2.5)), Some(-0.5));
+        assert_eq!(road.beyond(&av(-3.25)), Some(0.25));
+    }
+
+    #[test]
+    fn far_from_any_edge_there_is_no_answer() {
+        assert_eq!(road(&[(-50.0, -40.0, 50.0, -40.0, 0.0)]).beyond(&av(0.0)), None);
+    }
+
+    #[test]
+    fn the_edge_of_the_bridge_above_is_not_ours() {
+        assert_eq!(road(&[(0.0, -50.0, 0.0, 50.0, 6.0)]).beyond(&av(0.0)), None);
+    }
+}

@@ -1,0 +1,142 @@
+//! nuPlan's closed-loop score, by its code (not by its documentation, which differs): motional/nuplan-devkit,
+//! `planning/metrics/evaluation_metrics/common/*.py` and `simulation_metric/*.yaml`.
+
+use world::scene::AgentKind;
+
+/// Progress below this (m) counts as this, of the AV and of the human.
+pub const LEAST_PROGRESS: f64 = 2.0;
+/// The share of the human's progress below which the AV makes none.
+pub const MAKING_PROGRESS: f64 = 0.2;
+/// Backward travel (m, within a second) that halves the score of direction, and that which takes it.
+pub const BACKWARD_TRAVEL: (f64, f64) = (2.0, 6.0);
+/// Driving this much (m/s) above the limit all the time takes the whole score of speed.
+pub const OVERSPEED: f64 = 2.23;
+
+/// The terms of the score.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Terms {
+    /// No at-fault collision: 0, 1/2 or 1.
+    pub no_collision: f64,
+    /// Drivable area kept: 0 or 1.
+    pub drivable_area: f64,
+    /// Driving direction kept: 0, 1/2 or 1.
+    pub direction: f64,
+    /// Making progress: 0 or 1.
+    pub making_progress: f64,
+    /// Progress along the human's route, relative to the human's: 0 to 1.
+    pub progress: f64,
+    /// Time to collision within bound: 0 or 1.
+    pub time_to_collision: f64,
+    /// Speed limit kept: 0 to 1.
+    pub speed_limit: f64,
+    /// Comfort: 0 or 1.
+    pub comfort: f64,
+}
+
+impl Terms {
+    /// The score, 0 to 1.
+    #[must_use]
+    pub fn score(&self) -> f64 {
+        let product = self.no_collision * self.drivable_area * self.direction * self.making_progress;
+        let sum = 5.0 * self.progress + 5.0 * self.time_to_collision + 4.0 * self.speed_limit + 2.0 * self.comfort;
+        product * sum / 16.0
+    }
+}
+
+/// NC from what the AV hit at fault: any road user takes it all, one object half.
+#[must_use]
+pub fn no_collision(at_fault: impl Iterator<Item = AgentKind>) -> f64 {
+    let (mut road_users, mut objects) = (0_u32, 0_u32);
+    for kind in at_fault {
+        match kind {
+            AgentKind::Vehicle | AgentKind::Pedestrian | AgentKind::Cyclist => road_users += 1,
+            AgentKind::Other => objects += 1,
+        }
+    }
+    if road_users > 0 { 0.0 } else { (1.0 - f64::from(objects) / 2.0).max(0.0) }
+}
+
+/// DDC from the greatest backward travel within a second (m).
+#[must_use]
+pub fn direction(backward_travel: f64) -> f64 {
+    if backward_travel < BACKWARD_TRAVEL.0 {
+        1.0
+    } else if backward_travel < BACKWARD_TRAVEL.1 {
+        0.5
+    } else {
+        0.0
+    }
+}
+
+/// EP from the AV's and the human's progress (m).
+#[must_use]
+pub fn progress(av: f64, human: f64) -> f64 {
+    if av < -LEAST_PROGRESS { 0.0 } else { (av.max(LEAST_PROGRESS) / human.max(LEAST_PROGRESS)).min(1.0) }
+}
+
+/// SL from the speed above the limit at each step (m/s; 0 where it is kept or not known).
+#[must_use]
+pub fn speed_limit(overspeed: &[f64]) -> f64 {
+    if overspeed.is_empty() {
+        return 1.0;
+    }
+    (1.0 - overspeed.iter().sum::<f64>() / (OVERSPEED * overspeed.len() as f64)).max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERFECT: Terms = Terms {
+        no_collision: 1.0,
+        drivable_area: 1.0,
+        direction: 1.0,
+        making_progress: 1.0,
+        progress: 1.0,
+        time_to_collision: 1.0,
+        speed_limit: 1.0,
+        comfort: 1.0,
+    };
+
+    #[test]
+    fn the_weights_are_those_of_the_code() {
+        assert_eq!(PERFECT.score(), 1.0);
+        assert_eq!(Terms { progress: 0.0, ..PERFECT }.score(), 11.0 / 16.0);
+        assert_eq!(Terms { time_to_collision: 0.0, ..PERFECT }.score(), 11.0 / 16.0);
+        assert_eq!(Terms { speed_limit: 0.5, ..PERFECT }.score(), 14.0 / 16.0);
+        assert_eq!(Terms { comfort: 0.0, ..PERFECT }.score(), 14.0 / 16.0);
+        assert_eq!(Terms { direction: 0.5, comfort: 0.0, ..PERFECT }.score(), 7.0 / 16.0);
+        assert_eq!(Terms { drivable_area: 0.0, ..PERFECT }.score(), 0.0);
+    }
+
+    #[test]
+    fn one_object_costs_half_and_any_road_user_all() {
+        use AgentKind::{Other, Pedestrian, Vehicle};
+        assert_eq!(no_collision([].into_iter()), 1.0);
+        assert_eq!(no_collision([Other].into_iter()), 0.5);
+        assert_eq!(no_collision([Other, Other].into_iter()), 0.0);
+        assert_eq!(no_collision([Vehicle].into_iter()), 0.0);
+        assert_eq!(no_collision([Other, Pedestrian].into_iter()), 0.0);
+    }
+
+    #[test]
+    fn progress_has_a_floor_of_two_metres_and_a_cap() {
+        assert_eq!(progress(30.0, 60.0), 0.5);
+        assert_eq!(progress(0.0, 0.5), 1.0, "both stand");
+        assert_eq!(progress(0.0, 20.0), 0.1);
+        assert_eq!(progress(90.0, 60.0), 1.0);
+        assert_eq!(progress(-2.1, 1.0), 0.0);
+    }
+
+    #[test]
+    fn two_metres_a_second_above_the_limit_all_the_time() {
+        assert!((speed_limit(&[2.0; 150]) - (1.0 - 2.0 / 2.23)).abs() < 1e-12);
+        assert_eq!(speed_limit(&[3.0; 150]), 0.0);
+        assert_eq!(speed_limit(&[0.0; 150]), 1.0);
+    }
+
+    #[test]
+    fn backward_travel_halves_and_takes_the_direction() {
+        assert_eq!([1.99, 2.0, 5.99, 6.0].map(direction), [1.0, 0.5, 0.5, 0.0]);
+    }
+}

@@ -1,0 +1,106 @@
+//! The paper's metrics, as its published code computes them (`dipp/closed-loop.md` section 7), but with no value where none
+//! is defined: the authors' code gives NaN there, or repeats the last pose.
+
+use world::geometry::{Point, Pose};
+use world::plan::STEP_SECONDS;
+
+/// Sum of the distances between successive poses (m). The first step's is missing, as in the paper's code: the start pose
+/// is not among `poses`. `None` without any pose.
+#[must_use]
+pub fn progress(poses: &[Pose]) -> Option<f64> {
+    let steps = poses.windows(2).map(|pair| pair[0].position().distance(pair[1].position()));
+    (!poses.is_empty()).then(|| steps.sum())
+}
+
+/// How a drive feels.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Comfort {
+    /// Mean magnitude of longitudinal acceleration (m/s^2); three poses at least.
+    pub acceleration: Option<f64>,
+    /// Mean magnitude of longitudinal jerk (m/s^3); four poses at least.
+    pub jerk: Option<f64>,
+    /// Mean magnitude of the change of lateral velocity in the body's frame (m/s^2); three poses at least. It is far below the
+    /// true lateral acceleration in bends: that shows only through the angle between heading and motion.
+    pub lateral_acceleration: Option<f64>,
+}
+
+/// The comfort of the drive through `poses`, 0.1 s apart.
+#[must_use]
+pub fn comfort(poses: &[Pose]) -> Comfort {
+    // Velocity over each segment, in the body's frame at its start: longitudinal, lateral.
+    let velocities = poses.windows(2).map(|pair| {
+        let forward = Point::unit(pair[0].heading);
+        let velocity = (pair[1].position() - pair[0].position()) * (1.0 / STEP_SECONDS);
+        (forward.dot(velocity), forward.cross(velocity))
+    });
+    let (longitudinal, lateral): (Vec<f64>, Vec<f64>) = velocities.unzip();
+    let accelerations = differences(&longitudinal);
+    Comfort {
+        acceleration: mean_magnitude(&accelerations),
+        jerk: mean_magnitude(&differences(&accelerations)),
+        lateral_acceleration: mean_magnitude(&differences(&lateral)),
+    }
+}
+
+/// The rate of change (per second) from each sample to the next.
+fn differences(samples: &[f64]) -> Vec<f64> {
+    samples.windows(2).map(|pair| (pair[1] - pair[0]) / STEP_SECONDS).collect()
+}
+
+fn mean_magnitude(values: &[f64]) -> Option<f64> {
+    (!values.is_empty()).then(|| values.iter().map(|value| value.abs()).sum::<f64>() / values.len() as f64)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+
+    fn near(value: Option<f64>, expected: f64) {
+        assert!((value.unwrap() - expected).abs() < 1e-9, "{value:?} {expected}");
+    }
+
+    #[test]
+    fn a_straight_line_at_constant_acceleration() {
+        // x = 3 t + 2 t^2 / 2 on a road that points to 0.7 rad.
+        let direction = Point::unit(0.7);
+        let poses: Vec<Pose> = (1..=50)
+            .map(|step| {
+                let time = f64::from(step) * STEP_SECONDS;
+                let place = direction * (3.0 * time + time * time);
+                Pose::new(place.x, place.y, 0.7)
+            })
+            .collect();
+        let comfort = comfort(&poses);
+        near(comfort.acceleration, 2.0);
+        near(comfort.jerk, 0.0);
+        near(comfort.lateral_acceleration, 0.0);
+        near(progress(&poses), 15.0 + 25.0 - (0.3 + 0.01));
+    }
+
+    #[test]
+    fn a_circle_at_constant_speed_has_no_lateral_acceleration_by_this_definition() {
+        // Radius 20 m, 10 m/s: the true lateral acceleration is 5 m/s^2, the chord's angle to the heading is constant.
+        let poses: Vec<Pose> = (1..=80)
+            .map(|step| {
+                let angle = 0.5 * f64::from(step) * STEP_SECONDS;
+                Pose::new(20.0 * angle.sin(), 20.0 * (1.0 - angle.cos()), angle)
+            })
+            .collect();
+        let comfort = comfort(&poses);
+        near(comfort.acceleration, 0.0);
+        near(comfort.lateral_acceleration, 0.0);
+        near(progress(&poses), 79.0 * 40.0 * (0.025_f64).sin());
+    }
+
+    #[test]
+    fn what_is_not_defined_has_no_value() {
+        let poses = |count| vec![Pose::default(); count];
+        assert_eq!(progress(&[]), None);
+        assert_eq!(progress(&poses(1)), Some(0.0));
+        assert_eq!(comfort(&poses(2)), Comfort::default());
+        let three = comfort(&poses(3));
+        assert_eq!((three.acceleration, three.jerk), (Some(0.0), None));
+        assert_eq!(comfort(&poses(4)).jerk, Some(0.0));
+    }
+}
