@@ -1,33 +1,19 @@
 //! The logged humans of real scenes, judged by the rules for planners. Skipped where the scenes are not there.
 
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+mod straight_road;
+
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use scenarios::SceneSet;
-use sim::episode::driver::{Driver, drive};
+use sim::episode::driver::drive;
 use sim::episode::{Episode, Outcome};
 use sim::protocol::{Motion, Protocol, StrictSettings};
-use world::observation::Observation;
-use world::plan::{PLAN_STEPS, Plan, PlanState, UncheckedPlan};
+use straight_road::LogReplay;
+use wire::proto::EndReason;
 use world::scene::Scene;
-
-/// Plans what the logged AV did.
-struct LogReplay(Arc<Scene>);
-
-impl Driver for LogReplay {
-    fn plan(&mut self, observation: &Observation) -> Result<Plan, String> {
-        let states = &self.0.av().states;
-        let last = states.len() - 1;
-        let now = observation.log_index as usize;
-        let state = |step: usize| {
-            let logged = states[(now + step).min(last)].or(states[now]).ok_or("the AV is not in the log")?;
-            Ok(PlanState { x: logged.x, y: logged.y, heading: logged.heading, speed: logged.speed() })
-        };
-        let states = (1..=PLAN_STEPS).map(state).collect::<Result<_, String>>()?;
-        let plan = UncheckedPlan { step: observation.step, states, ..UncheckedPlan::default() };
-        plan.check(observation.step).map_err(|error| error.to_string())
-    }
-}
 
 /// The folder of shared data, if there is one.
 fn shared() -> Option<PathBuf> {
@@ -55,17 +41,57 @@ fn metric(outcome: &Outcome, name: &str) -> Option<f64> {
     outcome.end.metrics.iter().find(|metric| metric.name == name).unwrap().value
 }
 
+fn describe(scene: &Scene, outcome: &Outcome) {
+    let shown = ["progress_m", "min_time_to_collision_s", "speed_limit_compliance", "position_error_10s_m", "nuplan_score"];
+    let shown = shown.map(|name| format!("{name} {:.3}", metric(outcome, name).unwrap_or(f64::NAN)));
+    println!("{} {:?} after {}: {}", scene.id(), outcome.end.reason(), outcome.end.steps, shown.join(", "));
+    for event in &outcome.events {
+        println!("    step {} {:?}: {}", event.step, event.kind(), event.text);
+    }
+}
+
+const ALL: [&str; 4] =
+    ["data/womd-derived/20s", "data/womd-derived/20s-partial", "data/womd-derived/9s", "data/womd/9s"];
+
 #[test]
 fn the_human_has_no_fault_that_counts_and_no_position_error() {
-    for scene in scenes(&["data/womd-derived/20s", "data/womd-derived/20s-partial"]) {
+    for scene in scenes(&ALL) {
         let outcome = replay(&scene, Motion::Playback);
-        println!("{} {:?} steps {}", scene.id(), outcome.end.reason(), outcome.end.steps);
-        for event in &outcome.events {
-            println!("    {:3} {:?}: {}", event.step, event.kind(), event.text);
+        describe(&scene, &outcome);
+        let ended = outcome.end.reason();
+        assert!(matches!(ended, EndReason::Horizon | EndReason::LogEnd), "{}: {ended:?}", scene.id());
+        for rule in ["collision", "off_route", "off_road", "red_light", "wrong_way", "speeding"] {
+            assert_eq!(metric(&outcome, rule), Some(0.0), "{}: {rule}", scene.id());
         }
-        for m in &outcome.end.metrics {
-            print!("{}={:.3} ", m.name, m.value.unwrap_or(f64::NAN));
-        }
-        println!();
+        let error = metric(&outcome, "position_error_5s_m").unwrap();
+        assert!(error == 0.0, "{}: {error} m", scene.id());
+    }
+}
+
+#[test]
+fn the_human_stays_on_the_road() {
+    // Also without netting: so the left of WOMD's road edges is road, and the tolerance is not the log's.
+    let (mut off, mut known) = (0, 0);
+    for scene in scenes(&ALL) {
+        let outcome = replay(&scene, Motion::Playback);
+        let distances = outcome.records.iter().filter_map(|record| record.road_edge_distance);
+        known += distances.clone().count();
+        off += distances.filter(|distance| *distance > 0.0).count();
+    }
+    println!("{off} of {known} states are beyond a road edge");
+    assert!(off * 1000 <= known * 5, "{off} of {known}");
+}
+
+#[test]
+fn the_bicycle_follows_the_human_within_a_metre_or_two() {
+    for scene in scenes(&ALL[..2]) {
+        let outcome = replay(&scene, Motion::Bicycle);
+        describe(&scene, &outcome);
+        // The tracker holds speed, not place: some metres along the road are its share, not across it.
+        let across = outcome.records.iter().map(|record| record.lateral_offset.abs()).fold(0.0, f64::max);
+        let own = replay(&scene, Motion::Playback);
+        let human = own.records.iter().map(|record| record.lateral_offset.abs()).fold(0.0, f64::max);
+        println!("    {across:.2} m across, the human {human:.2} m");
+        assert!(across <= human + 1.0, "{}: {across} m", scene.id());
     }
 }

@@ -95,7 +95,7 @@ pub struct Outcome {
 }
 
 /// One drive through one scene.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Episode {
     scene: Arc<Scene>,
     protocol: Protocol,
