@@ -265,3 +265,86 @@ fn check_length(what: &'static str, expected: usize, got: usize) -> Result<(), A
 fn check_finite(what: &'static str, bad: Option<usize>) -> Result<(), AnswerError> {
     bad.map_or(Ok(()), |index| Err(AnswerError::NotFinite { what, index }))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plan() -> UncheckedPlan {
+        UncheckedPlan { step: 7, states: vec![PlanState::default(); PLAN_STEPS], ..UncheckedPlan::default() }
+    }
+
+    fn prediction(probabilities: &[f64]) -> UncheckedPrediction {
+        let trajectories = vec![PredictedTrajectory { track: TrackId(1), poses: vec![Pose::default(); PLAN_STEPS] }];
+        let future = |probability: &f64| Future { probability: *probability, trajectories: trajectories.clone() };
+        UncheckedPrediction { futures: probabilities.iter().map(future).collect(), ..UncheckedPrediction::default() }
+    }
+
+    #[test]
+    fn a_whole_plan_comes_through_as_it_was() {
+        let with_controls = UncheckedPlan { controls: vec![Control::default(); PLAN_STEPS], ..plan() };
+        assert_eq!(plan().check(7).unwrap().controls(), None);
+        let checked = with_controls.clone().check(7).unwrap();
+        assert_eq!((checked.step(), checked.controls().unwrap().len()), (7, PLAN_STEPS));
+        assert_eq!(checked.into_unchecked(), with_controls);
+    }
+
+    #[test]
+    fn a_plan_for_another_step_is_refused() {
+        assert_eq!(plan().check(8), Err(AnswerError::WrongStep { expected: 8, got: 7 }));
+    }
+
+    #[test]
+    fn a_plan_of_the_wrong_length_is_refused() {
+        let wrong = |what, got| Err(AnswerError::WrongLength { what, expected: PLAN_STEPS, got });
+        assert_eq!(UncheckedPlan { states: Vec::new(), ..plan() }.check(7), wrong("states", 0));
+        assert_eq!(UncheckedPlan { states: vec![PlanState::default(); 51], ..plan() }.check(7), wrong("states", 51));
+        assert_eq!(UncheckedPlan { controls: vec![Control::default(); 49], ..plan() }.check(7), wrong("controls", 49));
+    }
+
+    #[test]
+    fn a_plan_with_a_number_that_is_none_is_refused() {
+        let mut bad = plan();
+        bad.states[3].speed = f64::NAN;
+        assert_eq!(bad.check(7), Err(AnswerError::NotFinite { what: "state", index: 3 }));
+        let mut bad = UncheckedPlan { controls: vec![Control::default(); PLAN_STEPS], ..plan() };
+        bad.controls[49].steering = f64::INFINITY;
+        assert_eq!(bad.check(7), Err(AnswerError::NotFinite { what: "control", index: 49 }));
+    }
+
+    #[test]
+    fn the_likeliest_future_is_the_first_of_equals() {
+        let mut prediction = prediction(&[0.2, 0.4, 0.4]);
+        prediction.futures[1].trajectories.clear();
+        let checked = prediction.check(0).unwrap();
+        assert_eq!(checked.most_likely(), Some(&checked.futures()[1]));
+        assert_eq!(UncheckedPrediction::default().check(0).unwrap().most_likely(), None);
+    }
+
+    #[test]
+    fn probabilities_must_be_a_distribution_to_within_a_networks_rounding() {
+        assert!(prediction(&[0.3, 0.700_5]).check(0).is_ok());
+        for wrong in [&[0.3, 0.6][..], &[1.5, -0.5], &[f64::NAN, 1.0]] {
+            assert!(matches!(prediction(wrong).check(0), Err(AnswerError::Probabilities { .. })), "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn a_prediction_that_is_not_whole_is_refused() {
+        assert_eq!(prediction(&[1.0]).check(1), Err(AnswerError::WrongStep { expected: 1, got: 0 }));
+        let mut short = prediction(&[1.0]);
+        short.futures[0].trajectories[0].poses.pop();
+        assert_eq!(short.check(0), Err(AnswerError::WrongLength { what: "poses", expected: PLAN_STEPS, got: 49 }));
+        let mut bad = prediction(&[1.0]);
+        bad.futures[0].trajectories[0].poses[5].heading = f64::NAN;
+        assert_eq!(bad.check(0), Err(AnswerError::NotFinite { what: "pose", index: 5 }));
+        let short = UncheckedPrediction { initial_controls: vec![Control::default()], ..prediction(&[1.0]) };
+        let expected = AnswerError::WrongLength { what: "initial controls", expected: PLAN_STEPS, got: 1 };
+        assert_eq!(short.check(0), Err(expected));
+        let wild = Control { acceleration: f64::NAN, steering: 0.0 };
+        let bad = UncheckedPrediction { initial_controls: vec![wild; PLAN_STEPS], ..prediction(&[1.0]) };
+        assert_eq!(bad.check(0), Err(AnswerError::NotFinite { what: "initial control", index: 0 }));
+        let bad = UncheckedPrediction { cost_weights: vec![1.0, f64::INFINITY], ..prediction(&[1.0]) };
+        assert_eq!(bad.check(0), Err(AnswerError::NotFinite { what: "cost weight", index: 1 }));
+    }
+}

@@ -16,7 +16,7 @@
 //! | ahead | the first exit lane, if the AV ends on a lane's last 40 points | 120 m along the straightest exits |
 //! | coefficients | over chords + 0.001 m | over chords |
 //! | samples | every 0.1 m of chord length | every 0.1 m of arc: the station of sample `i` is `0.1 i` |
-//! | red stop points | stop, arrow stop, flashing stop of any lane, rows within 0.2 m | stop and arrow stop of the route's lanes, the nearest row within 1.5 m |
+//! | red stop points | stop, arrow stop, flashing stop of any lane, rows within 0.2 m | stop and arrow stop of the route's lanes, the nearest row within 1.5 m; of a lane that the map lacks within 0.2 m |
 //!
 //! Both give the speed limit and height of the lane at each place. (The authors hold one limit for the whole line, that of the
 //! lane under the AV: the `paper` protocol makes it with [`LanePoints::authors_match`](crate::map_matching::LanePoints).)

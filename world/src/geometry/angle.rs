@@ -18,3 +18,32 @@ pub fn wrap_angle(angle: f64) -> f64 {
 pub fn angle_difference(from: f64, to: f64) -> f64 {
     wrap_angle(to - from)
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn half_a_turn_is_always_written_as_minus_pi() {
+        assert_eq!((wrap_angle(PI), wrap_angle(-PI), wrap_angle(3.0 * PI)), (-PI, -PI, -PI));
+    }
+
+    proptest! {
+        #[test]
+        fn wrapping_keeps_the_direction_and_is_idempotent(angle in -1e3..1e3) {
+            let wrapped = wrap_angle(angle);
+            prop_assert!((-PI..PI).contains(&wrapped));
+            prop_assert_eq!(wrap_angle(wrapped), wrapped);
+            prop_assert!((libm::sin(wrapped) - libm::sin(angle)).abs() < 1e-9);
+            prop_assert!((libm::cos(wrapped) - libm::cos(angle)).abs() < 1e-9);
+        }
+
+        #[test]
+        fn the_turn_between_two_headings_leads_from_one_to_the_other(from in -20.0..20.0, to in -20.0..20.0) {
+            let turned: f64 = from + angle_difference(from, to);
+            prop_assert!((libm::sin(turned) - libm::sin(to)).abs() < 1e-9 && (libm::cos(turned) - libm::cos(to)).abs() < 1e-9);
+        }
+    }
+}

@@ -7,10 +7,10 @@ use crate::scene::Scene;
 use crate::signal::{Signal, SignalState};
 
 /// The authors' reach of a stop point (m, exclusive).
-const PAPER_REACH: f64 = 0.2;
+const REACH: f64 = 0.2;
 
-/// How far beside the line the stop point of a lane of the route may lie (m).
-const STRICT_REACH: f64 = 1.5;
+/// How far beside the line the stop point of a lane of the route may lie (m): lines do not keep to the middle.
+const BESIDE: f64 = 1.5;
 
 /// A stop point that rules the route.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,13 +40,19 @@ impl RouteStops {
     /// Those of the stop points that any step of `scene` reports which rule the line.
     pub(super) fn new(scene: &Scene, style: RouteStyle, lanes: &[MapId], samples: &PointGrid) -> Self {
         let reported = (0..scene.steps()).flat_map(|step| scene.signals(step));
-        let rules = |signal: &&Signal| style == RouteStyle::Paper || lanes.contains(&signal.lane);
-        let mut places: Vec<(MapId, Point)> =
-            reported.filter(rules).map(|signal| (signal.lane, signal.stop_point.xy())).collect();
+        let mut places: Vec<(MapId, Point)> = reported.map(|signal| (signal.lane, signal.stop_point.xy())).collect();
         places.sort_unstable_by_key(|(lane, point)| key(*lane, *point));
         places.dedup_by_key(|(lane, point)| key(*lane, *point));
+        let on_map = scene.map().lane_indices();
         let stop = |(lane, point): (MapId, Point)| {
-            let samples = rows(style, samples, point);
+            let samples = match style {
+                RouteStyle::Paper => rows_within(samples, point),
+                RouteStyle::Strict if lanes.contains(&lane) => row_beside(samples, point, BESIDE),
+                // Of a lane that the map does not hold nothing is known but the place.
+                RouteStyle::Strict if !on_map.contains_key(&lane) => row_beside(samples, point, REACH),
+                // The turn-off's light often shares its stop point with the lane straight on.
+                RouteStyle::Strict => Vec::new(),
+            };
             (!samples.is_empty()).then_some(RouteStop { lane, point, samples })
         };
         Self { style, stops: places.into_iter().filter_map(stop).collect() }
@@ -76,18 +82,20 @@ impl RouteStops {
     }
 }
 
-fn rows(style: RouteStyle, samples: &PointGrid, point: Point) -> Vec<u32> {
+/// The authors' rows: all strictly within reach.
+fn rows_within(samples: &PointGrid, point: Point) -> Vec<u32> {
     let mut rows = Vec::new();
-    match style {
-        RouteStyle::Paper => {
-            let near = |row: &usize| point.distance(samples.points()[*row]) < PAPER_REACH;
-            samples.for_each_near(point, PAPER_REACH, |row| rows.extend(Some(row).filter(near).map(|row| row as u32)));
+    samples.for_each_near(point, REACH, |row| {
+        if point.distance(samples.points()[row]) < REACH {
+            rows.push(row as u32);
         }
-        RouteStyle::Strict => {
-            let nearest = samples.nearest(point).filter(|(_, distance)| *distance <= STRICT_REACH);
-            rows.extend(nearest.map(|(row, _)| row as u32));
-        }
-    }
+    });
     rows.sort_unstable();
     rows
+}
+
+/// The nearest row, if it lies within `reach` metres.
+fn row_beside(samples: &PointGrid, point: Point, reach: f64) -> Vec<u32> {
+    let nearest = samples.nearest(point).filter(|(_, distance)| *distance <= reach);
+    nearest.map(|(row, _)| row as u32).into_iter().collect()
 }

@@ -260,6 +260,9 @@ fn a_red_signal_of_another_lane_stops_the_paper_but_not_the_strict_route() {
     let turn_off = signal(4, SignalState::Stop, 200.0, 0.0);
     assert!(rows(RouteStyle::Strict, turn_off).is_empty());
     assert!(!rows(RouteStyle::Paper, turn_off).is_empty());
+    // Of a lane that the map does not hold only the place is known.
+    assert_eq!(rows(RouteStyle::Strict, signal(99, SignalState::Stop, 150.0, 0.1)).len(), 1);
+    assert!(rows(RouteStyle::Strict, signal(99, SignalState::Stop, 150.0, 0.3)).is_empty());
 }
 
 #[test]
