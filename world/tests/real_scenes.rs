@@ -7,9 +7,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use world::geometry::{Point, angle_difference};
+use world::plan::{Control, STEP_SECONDS};
 use world::reference_line::SAMPLE_SPACING;
 use world::route::{Route, RouteError, RouteStyle};
 use world::scene::Scene;
+use world::vehicle::{BicycleModel, VehicleState};
 
 fn shared(folder: &str) -> Option<PathBuf> {
     let repository = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
@@ -68,6 +70,30 @@ fn the_paper_route_is_the_authors_route() {
         compared += 1;
     }
     assert!(compared >= 6, "only {compared} scenes compared");
+}
+
+#[test]
+fn the_authors_plans_move_as_their_test_vehicle_does() {
+    let Some(vectors) = shared("dipp/closed-loop-vectors") else { return };
+    let mut compared = 0;
+    for entry in std::fs::read_dir(vectors).unwrap() {
+        let file = entry.unwrap().path();
+        if !file.to_str().unwrap().ends_with("__planner.npz") {
+            continue;
+        }
+        let (states, controls) = (array(&file, "av_state"), array(&file, "control_first"));
+        for ((state, control), plan) in
+            states.chunks(8).zip(controls.chunks(2)).zip(array(&file, "plan_first").chunks(3))
+        {
+            let before = VehicleState { speed: Point::new(state[3], state[4]).norm(), ..VehicleState::default() };
+            let control = Control { acceleration: control[0], steering: control[1] };
+            let after = BicycleModel::authors_test().step(before, control, STEP_SECONDS);
+            let off = [after.x - plan[0], after.y - plan[1], after.heading - plan[2]];
+            assert!(off.iter().all(|off| off.abs() < 1e-6), "{file:?} {compared} {off:?}");
+            compared += 1;
+        }
+    }
+    assert!(compared > 500, "only {compared} steps compared");
 }
 
 /// Largest distance of the logged AV to the line (m), and what else tells a good line from a bad one.

@@ -58,3 +58,21 @@ impl OrientedBox {
         (self.half_length * self.half_length + self.half_width * self.half_width).sqrt()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
+    use super::*;
+
+    #[test]
+    fn corners_run_counter_clockwise_from_the_front_left() {
+        let north = OrientedBox::new(Pose::new(10.0, 20.0, FRAC_PI_2), 4.0, 2.0);
+        let expected = [(9.0, 22.0), (9.0, 18.0), (11.0, 18.0), (11.0, 22.0)];
+        for (corner, (x, y)) in north.corners().into_iter().zip(expected) {
+            assert!(corner.distance(Point::new(x, y)) < 1e-12, "{corner:?}");
+        }
+        assert!(north.front().distance(Point::new(10.0, 22.0)) < 1e-12);
+        assert!(north.corners().iter().all(|corner| (corner.distance(north.center) - north.radius()).abs() < 1e-12));
+    }
+}

@@ -164,3 +164,30 @@ impl Pose {
         Self::new(position.x, position.y, wrap_angle(other.heading - self.heading))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn ahead_of_a_pose_that_looks_north_is_north_and_its_left_is_west() {
+        let pose = Pose::new(1.0, 2.0, FRAC_PI_2);
+        assert!(pose.to_world(Point::new(3.0, 1.0)).distance(Point::new(0.0, 5.0)) < 1e-12);
+        assert!(pose.to_body(Point::new(0.0, 5.0)).distance(Point::new(3.0, 1.0)) < 1e-12);
+        assert_eq!(pose.pose_to_body(pose), Pose::default());
+    }
+
+    proptest! {
+        #[test]
+        fn to_the_body_and_back_is_the_identity(
+            (x, y, heading) in (-99.0..99.0, -99.0..99.0, -9.0..9.0), (px, py) in (-99.0..99.0, -99.0..99.0),
+        ) {
+            let (pose, point) = (Pose::new(x, y, heading), Point::new(px, py));
+            prop_assert!(pose.to_world(pose.to_body(point)).distance(point) < 1e-9);
+        }
+    }
+}
