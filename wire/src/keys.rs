@@ -2,7 +2,8 @@
 //!
 //! | key | what |
 //! | --- | --- |
-//! | `reloop/{run}/{worker}/{scene}/{channel}` | a message of an episode, see [`Channel`] |
+//! | `reloop/{run}/{worker}/{scene}/{channel}` | a message of an episode between the sim and its nodes, see [`Channel`] |
+//! | `reloop/{run}/@tape/{worker}/{scene}/{channel}` | all that is said in an episode, told again by the sim in order, for whoever listens in |
 //! | `reloop/{run}/info` | the settings of the run |
 //! | `reloop/{run}/@node/{role}/{worker}/{name}/{version}` | liveliness of a node; `all` is the worker of a node that serves all |
 
@@ -16,6 +17,7 @@ use crate::WIRE_VERSION;
 
 const ROOT: &str = "reloop";
 const NODES: &str = "@node";
+const TAPE: &str = "@tape";
 const ALL: &str = "all";
 
 /// Why a text cannot be part of a key.
@@ -210,11 +212,18 @@ impl Address {
         format!("{ROOT}/{run}/{}/{}/{}", self.worker, self.scene, self.channel.name())
     }
 
+    /// The key under which the sim tells this message to whoever listens in.
+    #[must_use]
+    pub fn tape_key(&self, run: &RunName) -> String {
+        format!("{ROOT}/{run}/{TAPE}/{}/{}/{}", self.worker, self.scene, self.channel.name())
+    }
+
     /// What `key` means, if it is a message of an episode.
     #[must_use]
     pub fn parse(key: &str) -> Option<Self> {
-        let mut chunks = key.split('/');
+        let mut chunks = key.split('/').peekable();
         let (root, _run) = (chunks.next()?, chunks.next()?);
+        let _tape = chunks.next_if_eq(&TAPE);
         let (worker, scene, channel) = (chunks.next()?, chunks.next()?, chunks.next()?);
         if root != ROOT || chunks.next().is_some() {
             return None;
@@ -228,6 +237,12 @@ impl Address {
 #[must_use]
 pub fn channel(run: &RunName, workers: &Workers, channel: Channel) -> String {
     format!("{ROOT}/{run}/{}/*/{}", workers.selector(), channel.name())
+}
+
+/// Selects what is told of one channel to whoever listens in.
+#[must_use]
+pub fn tape(run: &RunName, workers: &Workers, channel: Channel) -> String {
+    format!("{ROOT}/{run}/{TAPE}/{}/*/{}", workers.selector(), channel.name())
 }
 
 /// The key of the run's settings.
@@ -311,7 +326,8 @@ mod tests {
     fn an_address_survives_its_key() {
         for channel in Channel::ALL {
             let address = Address { worker: Worker::numbered(3), scene: SceneId::new("a.b-C_1").unwrap(), channel };
-            assert_eq!(Address::parse(&address.key(&run())), Some(address));
+            assert_eq!(Address::parse(&address.key(&run())), Some(address.clone()));
+            assert_eq!(Address::parse(&address.tape_key(&run())), Some(address));
         }
     }
 
@@ -352,6 +368,9 @@ mod tests {
         assert!(matches(&channel(&run(), &Workers::All, Channel::Plan), &address.key(&run())));
         assert!(!matches(&channel(&run(), &Workers::One(Worker::numbered(1)), Channel::Plan), &address.key(&run())));
         assert!(!matches(&channel(&run(), &Workers::All, Channel::Plan), &node.key(&run())));
+        assert!(!matches(&channel(&run(), &Workers::All, Channel::Plan), &address.tape_key(&run())));
+        assert!(matches(&tape(&run(), &Workers::All, Channel::Plan), &address.tape_key(&run())));
+        assert!(!matches("reloop/**", &address.tape_key(&run())));
         assert!(matches(&nodes(&run(), None), &node.key(&run())));
         assert!(!matches(&nodes(&run(), Some(Role::Planner)), &node.key(&run())));
     }

@@ -99,6 +99,11 @@ impl<'a> Corridor<'a> {
         self.line.speed_limit[self.start + sample.min(self.len() - 1)]
     }
 
+    /// Height of the ground at `sample` (m).
+    pub fn height(&self, sample: usize) -> f64 {
+        self.line.z[self.start + sample.min(self.len() - 1)]
+    }
+
     /// First sample at or after `station` (m); the last one past the end.
     pub fn sample_at(&self, station: f64) -> usize {
         self.stations.partition_point(|s| *s < station).min(self.len() - 1)

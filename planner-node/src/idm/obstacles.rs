@@ -24,6 +24,8 @@ const SIDE_MARGIN: f64 = 0.15;
 const SIDE_MARGIN_VULNERABLE: f64 = 0.4;
 /// Below this (m/s) an agent stands: what is logged is noise.
 const STANDING: f64 = 0.5;
+/// What is this much above or below the line (m) is on another level.
+const OTHER_LEVEL: f64 = 3.5;
 /// The AV's own offset from the line shrinks to a third over this many metres, or over this many seconds.
 const OFFSET_METERS: f64 = 8.0;
 const OFFSET_SECONDS: f64 = 2.0;
@@ -110,8 +112,9 @@ fn of_agent(corridor: &Corridor<'_>, av: &Av, agent: &ObservedAgent) -> Option<O
     // Out of reach within the projection, whatever it does.
     let last = corridor.station(corridor.len() - 1);
     let nearest = corridor.footprint(&state.oriented_box());
+    let above = state.z - corridor.height(nearest.sample);
     let reach = 2.0 * av.half_width + PROJECTION * if standing { 0.0 } else { state.speed() };
-    if nearest.laterals.0 > reach || nearest.laterals.1 < -reach || nearest.stations.0 >= last {
+    if nearest.laterals.0 > reach || nearest.laterals.1 < -reach || nearest.stations.0 >= last || above.abs() > OTHER_LEVEL {
         return None;
     }
     if blocks(av, &nearest, margin) {

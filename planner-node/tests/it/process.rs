@@ -163,3 +163,30 @@ fn a_stopped_node_costs_a_deadline_and_no_more() {
     assert!(start.elapsed() < Duration::from_secs(2));
     node.signal("-CONT");
 }
+
+/// `PYTHON=venv/bin/python cargo nextest run -p planner-node --run-ignored only`
+#[test]
+#[ignore = "needs a Python with eclipse-zenoh and grpcio-tools, named by PYTHON"]
+fn the_python_example_plans() {
+    let hub = hub();
+    let python = std::env::var("PYTHON").unwrap();
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/python/planner.py");
+    let child = Command::new(python)
+        .arg(script)
+        .envs([("RELOOP_ENDPOINT", hub.endpoint()), ("RELOOP_RUN", "test"), ("RELOOP_WORKER", "w0")])
+        .spawn()
+        .unwrap();
+    let mut node = Node(child);
+    let wanted = Wanted { role: Role::Planner, workers: Workers::One(Worker::numbered(0)), name: None };
+    hub.wait_for_nodes(&[wanted], DEADLINE, &|| false).unwrap();
+    let mut line = open(&hub);
+    for step in 0..20 {
+        let (plan, _) = line.step(&observation(step), DEADLINE).unwrap();
+        let plan = plan.check(step).unwrap();
+        let expected = 20.0 + 0.8 * f64::from(step) + 0.8; // 8 m/s along the x axis
+        assert!((plan.states()[0].x - expected).abs() < 0.06, "{:?}", plan.states()[0]);
+    }
+    drop(line);
+    hub.close();
+    assert!(node.leaves());
+}

@@ -1,7 +1,7 @@
 //! One episode on the bus, as the simulator sees it.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
@@ -13,7 +13,7 @@ use world::scene::SceneId;
 use zenoh::bytes::ZBytes;
 
 use super::{Shared, lock};
-use crate::convert::{MessageError, decode};
+use crate::convert::{Message, MessageError, decode};
 use crate::keys::{Address, Channel, Role, Worker};
 use crate::proto;
 use crate::session::{self, SessionError};
@@ -78,9 +78,6 @@ pub enum LineError {
 /// What the transport's callbacks put down for a line, and what the line takes up.
 pub(super) struct Inbox {
     sender: SyncSender<Incoming>,
-    /// All that arrived, accepted or not: the recorder hears the same.
-    plans: AtomicU32,
-    predictions: AtomicU32,
     /// The queue ran over.
     flooded: AtomicBool,
 }
@@ -93,11 +90,6 @@ enum Incoming {
 
 impl Inbox {
     pub(super) fn deliver(&self, channel: Channel, payload: &ZBytes) {
-        match channel {
-            Channel::Plan => self.plans.fetch_add(1, Ordering::Relaxed),
-            Channel::Prediction => self.predictions.fetch_add(1, Ordering::Relaxed),
-            _ => 0,
-        };
         self.push(Incoming::Answer(channel, payload.clone()));
     }
 
@@ -120,9 +112,8 @@ pub struct EpisodeLine {
     expects_prediction: bool,
     inbox: Arc<Inbox>,
     incoming: Receiver<Incoming>,
-    observations: u32,
-    records: u32,
-    events: u32,
+    /// What was told.
+    counts: proto::Recorded,
 }
 
 impl EpisodeLine {
@@ -133,12 +124,7 @@ impl EpisodeLine {
         expects_prediction: bool,
     ) -> Result<Self, LineError> {
         let (sender, incoming) = sync_channel(INBOX);
-        let inbox = Arc::new(Inbox {
-            sender,
-            plans: AtomicU32::new(0),
-            predictions: AtomicU32::new(0),
-            flooded: AtomicBool::new(false),
-        });
+        let inbox = Arc::new(Inbox { sender, flooded: AtomicBool::new(false) });
         let mut inboxes = lock(&shared.inboxes);
         let place = (worker.clone(), scene.clone());
         if inboxes.contains_key(&place) {
@@ -153,9 +139,7 @@ impl EpisodeLine {
             expects_prediction,
             inbox,
             incoming,
-            observations: 0,
-            records: 0,
-            events: 0,
+            counts: proto::Recorded::default(),
         })
     }
 
@@ -165,9 +149,8 @@ impl EpisodeLine {
     /// [`LineError::Bus`].
     pub fn announce(&self, briefing: &Briefing) -> Result<(), LineError> {
         let payload = ZBytes::from(proto::Scene::from(briefing).encode_to_vec());
-        let key = self.key(Channel::Scene);
-        lock(&self.shared.documents).insert(key.clone(), payload.clone());
-        Ok(session::send(&self.shared.session, &key, payload)?)
+        lock(&self.shared.documents).insert(self.address(Channel::Scene).key(&self.shared.run), payload.clone());
+        self.tell_nodes(Channel::Scene, payload)
     }
 
     /// Sends `observation` and waits until it is answered, at most `deadline`. The answers are unchecked: whether they are
@@ -180,10 +163,10 @@ impl EpisodeLine {
         observation: &Observation,
         deadline: Duration,
     ) -> Result<(UncheckedPlan, Option<UncheckedPrediction>), LineError> {
-        let until = Instant::now() + deadline;
         self.look_for_nodes()?;
-        self.send(Channel::Observation, &proto::Observation::from(observation))?;
-        self.observations += 1;
+        self.counts.observations += 1;
+        self.tell_nodes(Channel::Observation, proto::Observation::from(observation).encode_to_vec().into())?;
+        let until = Instant::now() + deadline;
 
         let (mut plan, mut prediction) = (None, None);
         loop {
@@ -196,10 +179,16 @@ impl EpisodeLine {
             match self.receive(until, deadline, missing)? {
                 Incoming::NodeLost => self.look_for_nodes()?,
                 Incoming::Answer(Channel::Plan, bytes) => {
-                    plan = Some(take::<proto::Plan, _>(Role::Planner, &bytes)?);
+                    let message = taken::<proto::Plan>(Role::Planner, &bytes)?;
+                    self.counts.plans += 1;
+                    self.tell(Channel::Plan, bytes);
+                    plan = Some(UncheckedPlan::try_from(message).map_err(LineError::bad(Role::Planner))?);
                 }
                 Incoming::Answer(Channel::Prediction, bytes) if self.expects_prediction => {
-                    prediction = Some(take::<proto::Prediction, _>(Role::Predictor, &bytes)?);
+                    let message = taken::<proto::Prediction>(Role::Predictor, &bytes)?;
+                    self.counts.predictions += 1;
+                    self.tell(Channel::Prediction, bytes);
+                    prediction = Some(UncheckedPrediction::try_from(message).map_err(LineError::bad(Role::Predictor))?);
                 }
                 Incoming::Answer(..) => {}
             }
@@ -207,21 +196,15 @@ impl EpisodeLine {
     }
 
     /// Tells how a step went.
-    ///
-    /// # Errors
-    /// [`LineError::Bus`].
-    pub fn publish_record(&mut self, record: &proto::StepRecord) -> Result<(), LineError> {
-        self.records += 1;
-        self.send(Channel::Record, record)
+    pub fn publish_record(&mut self, record: &proto::StepRecord) {
+        self.counts.records += 1;
+        self.tell(Channel::Record, record.encode_to_vec().into());
     }
 
     /// Tells what happened.
-    ///
-    /// # Errors
-    /// [`LineError::Bus`].
-    pub fn publish_event(&mut self, event: &proto::Event) -> Result<(), LineError> {
-        self.events += 1;
-        self.send(Channel::Event, event)
+    pub fn publish_event(&mut self, event: &proto::Event) {
+        self.counts.events += 1;
+        self.tell(Channel::Event, event.encode_to_vec().into());
     }
 
     /// Tells how the episode ended, and how many messages of each kind there were. Gives back what was told.
@@ -229,29 +212,28 @@ impl EpisodeLine {
     /// # Errors
     /// [`LineError::Bus`].
     pub fn publish_end(&mut self, mut end: proto::EpisodeEnd) -> Result<proto::EpisodeEnd, LineError> {
-        end.observations = self.observations;
-        end.plans = self.inbox.plans.load(Ordering::Relaxed);
-        end.predictions = self.inbox.predictions.load(Ordering::Relaxed);
-        end.records = self.records;
-        end.events = self.events;
-        self.send(Channel::End, &end)?;
+        end.observations = self.counts.observations;
+        end.plans = self.counts.plans;
+        end.predictions = self.counts.predictions;
+        end.records = self.counts.records;
+        end.events = self.counts.events;
+        self.tell_nodes(Channel::End, end.encode_to_vec().into())?;
         Ok(end)
     }
 
-    /// Waits until the recorder has closed the episode's recording, at most `deadline`, and compares what it has with `end`.
+    /// Waits until the recorder has closed the episode's recording, at most `deadline`, and compares what it has with what
+    /// was told.
     ///
     /// # Errors
     /// [`LineError`] where there is no recording, or not a whole one.
-    pub fn await_recorded(&mut self, end: &proto::EpisodeEnd, deadline: Duration) -> Result<(), LineError> {
+    pub fn await_recorded(&mut self, deadline: Duration) -> Result<(), LineError> {
         let until = Instant::now() + deadline;
         loop {
             if !self.shared.nodes.serve(Role::Recorder, &self.worker) {
                 return Err(LineError::NodeLost { role: Role::Recorder });
             }
             if let Incoming::Answer(Channel::Recorded, bytes) = self.receive(until, deadline, Role::Recorder)? {
-                let recorded = decode::<proto::Recorded>(&bytes.to_bytes())
-                    .map_err(|error| LineError::BadAnswer { role: Role::Recorder, error })?;
-                return compare(end, &recorded);
+                return compare(&self.counts, &taken(Role::Recorder, &bytes)?);
             }
         }
     }
@@ -276,37 +258,50 @@ impl EpisodeLine {
         })
     }
 
-    fn send(&self, channel: Channel, message: &impl prost::Message) -> Result<(), LineError> {
-        Ok(session::send(&self.shared.session, &self.key(channel), message.encode_to_vec())?)
+    /// Tells the nodes, and everybody who listens in.
+    fn tell_nodes(&self, channel: Channel, payload: ZBytes) -> Result<(), LineError> {
+        session::send(&self.shared.session, &self.address(channel).key(&self.shared.run), payload.clone())?;
+        self.tell(channel, payload);
+        Ok(())
     }
 
-    fn key(&self, channel: Channel) -> String {
-        Address { worker: self.worker.clone(), scene: self.scene.clone(), channel }.key(&self.shared.run)
+    /// Tells everybody who listens in.
+    fn tell(&self, channel: Channel, payload: ZBytes) {
+        self.shared.tape.push(self.address(channel).tape_key(&self.shared.run), payload);
+    }
+
+    fn address(&self, channel: Channel) -> Address {
+        Address { worker: self.worker.clone(), scene: self.scene.clone(), channel }
     }
 }
 
 impl Drop for EpisodeLine {
     fn drop(&mut self) {
         lock(&self.shared.inboxes).remove(&(self.worker.clone(), self.scene.clone()));
-        lock(&self.shared.documents).remove(&self.key(Channel::Scene));
+        lock(&self.shared.documents).remove(&self.address(Channel::Scene).key(&self.shared.run));
     }
 }
 
-fn take<P: crate::convert::Message, W: TryFrom<P, Error = MessageError>>(role: Role, bytes: &ZBytes) -> Result<W, LineError> {
-    let answer = decode::<P>(&bytes.to_bytes()).and_then(W::try_from);
-    answer.map_err(|error| LineError::BadAnswer { role, error })
+impl LineError {
+    fn bad(role: Role) -> impl FnOnce(MessageError) -> Self {
+        move |error| Self::BadAnswer { role, error }
+    }
 }
 
-fn compare(end: &proto::EpisodeEnd, recorded: &proto::Recorded) -> Result<(), LineError> {
+fn taken<P: Message>(role: Role, bytes: &ZBytes) -> Result<P, LineError> {
+    decode(&bytes.to_bytes()).map_err(LineError::bad(role))
+}
+
+fn compare(told: &proto::Recorded, recorded: &proto::Recorded) -> Result<(), LineError> {
     if !recorded.error.is_empty() {
         return Err(LineError::NotRecorded(recorded.error.clone()));
     }
     let counts = [
-        ("observations", end.observations, recorded.observations),
-        ("plans", end.plans, recorded.plans),
-        ("predictions", end.predictions, recorded.predictions),
-        ("records", end.records, recorded.records),
-        ("events", end.events, recorded.events),
+        ("observations", told.observations, recorded.observations),
+        ("plans", told.plans, recorded.plans),
+        ("predictions", told.predictions, recorded.predictions),
+        ("records", told.records, recorded.records),
+        ("events", told.events, recorded.events),
     ];
     match counts.into_iter().find(|(_, sent, arrived)| sent != arrived) {
         None => Ok(()),

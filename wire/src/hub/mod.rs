@@ -5,12 +5,14 @@
 //! | `mod.rs` | the hub: opening, run settings, queries, who hears what |
 //! | `nodes.rs` | which nodes are there, the start barrier, deaths |
 //! | `line.rs` | one episode: send an observation, wait for its answers |
+//! | `tape.rs` | all that happens, for the recorder |
 //!
-//! Nothing here waits without a limit. A node that does not read is cut off after half a deadline, see
+//! Nothing here waits without a limit. A process that reads nothing is cut off after a deadline at most, see
 //! [`crate::session::open_router`]; callbacks of the transport never block, an inbox that runs over is an error of its line.
 
 mod line;
 mod nodes;
+mod tape;
 #[cfg(test)]
 mod tests;
 
@@ -35,16 +37,17 @@ use crate::proto;
 use crate::session::{self, SessionError};
 use line::Inbox;
 use nodes::Nodes;
+use tape::Tape;
 
 /// A reader that takes nothing is cut off after this, however long the deadline.
-const LONGEST_STALL: Duration = Duration::from_secs(3);
+const LONGEST_STALL: Duration = Duration::from_secs(5);
 
 /// How a hub is opened.
 #[derive(Clone, Debug)]
 pub struct HubSettings {
     /// Where to listen, like `tcp/127.0.0.1:7447`; a free port of the loopback where it is not said.
     pub endpoint: Option<String>,
-    /// The longest that any step waits for its answers. A reader that takes nothing is cut off after half of it.
+    /// The longest that any step waits for its answers. A reader that takes nothing for so long is cut off.
     pub deadline: Duration,
 }
 
@@ -74,6 +77,8 @@ struct Shared {
     documents: Mutex<BTreeMap<String, ZBytes>>,
     /// Who is there.
     nodes: Nodes,
+    /// What the recorder hears.
+    tape: Tape,
 }
 
 /// A poisoned lock is taken all the same: what it guards is whole between any two statements.
@@ -95,7 +100,7 @@ impl Hub {
     /// # Errors
     /// [`SessionError`] where it cannot listen.
     pub fn open_with(run: &RunName, settings: &HubSettings) -> Result<Self, SessionError> {
-        let stall = LONGEST_STALL.min(settings.deadline / 2);
+        let stall = LONGEST_STALL.min(settings.deadline);
         let (session, endpoint) = session::open_router(settings.endpoint.as_deref(), stall)?;
         let shared = Arc::new(Shared {
             run: run.clone(),
@@ -103,6 +108,7 @@ impl Hub {
             inboxes: Mutex::default(),
             documents: Mutex::default(),
             nodes: Nodes::default(),
+            tape: Tape::new(&session, stall),
         });
 
         let mut subscribers = Vec::new();

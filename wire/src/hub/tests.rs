@@ -121,9 +121,9 @@ fn an_honest_planner_is_heard_at_every_step_and_all_is_counted() {
         let (plan, prediction) = line.step(&observation(step), DEADLINE).unwrap();
         assert_eq!(prediction, None);
         assert!(plan.check(step).is_ok());
-        line.publish_record(&Default::default()).unwrap();
+        line.publish_record(&Default::default());
     }
-    line.publish_event(&Default::default()).unwrap();
+    line.publish_event(&Default::default());
     let end = line.publish_end(Default::default()).unwrap();
     assert_eq!((end.observations, end.plans, end.predictions, end.records, end.events), (20, 20, 0, 20, 1));
     hub.close();
@@ -230,10 +230,8 @@ fn a_node_that_floods_its_line_is_stopped_there() {
     for _ in 0..1000 {
         session::send(&session, &address.key(hub.run()), proto::Plan::default().encode_to_vec()).unwrap();
     }
-    while line.publish_end(Default::default()).unwrap().plans < 1000 {
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    assert!(matches!(line.step(&observation(0), DEADLINE), Err(LineError::Flooded)));
+    let floods = |_| matches!(line.step(&observation(0), DEADLINE), Err(LineError::Flooded));
+    assert!((0..1000).any(floods), "it is never noticed");
 }
 
 #[test]
@@ -284,14 +282,14 @@ fn a_recording_is_compared_with_what_was_sent() {
     let _token = session.liveliness().declare_token(recorder.key(hub.run())).wait().unwrap();
     wait(&hub, Role::Recorder);
     let mut line = line(&hub, false);
-    line.publish_record(&Default::default()).unwrap();
-    let end = line.publish_end(Default::default()).unwrap();
+    line.publish_record(&Default::default());
+    line.publish_end(Default::default()).unwrap();
     let key = Address { worker: Worker::numbered(0), scene: SceneId::new("s").unwrap(), channel: Channel::Recorded }.key(hub.run());
     let recorded = |records| proto::Recorded { records, ..Default::default() }.encode_to_vec();
     session::send(&session, &key, recorded(1)).unwrap();
-    line.await_recorded(&end, DEADLINE).unwrap();
+    line.await_recorded(DEADLINE).unwrap();
     session::send(&session, &key, recorded(0)).unwrap();
-    let error = line.await_recorded(&end, DEADLINE).unwrap_err().to_string();
+    let error = line.await_recorded(DEADLINE).unwrap_err().to_string();
     assert_eq!(error, "the recording is not whole: records 1 sent, 0 recorded");
 }
 

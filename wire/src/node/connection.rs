@@ -109,8 +109,11 @@ impl Connection {
         self.session.clone()
     }
 
-    /// Hears the messages of `channels` of all episodes of its workers, in the order in which each sender sent them.
-    /// `hear` is called by the transport and should not block: while it does, nothing else is heard.
+    /// Hears all that the simulator tells of `channels` of its workers' episodes, in order; `end` is an episode's last. This
+    /// is for recorders and viewers: a listener that falls behind does not hold up the drives, and is cut off if it reads
+    /// nothing for a deadline.
+    ///
+    /// `hear` is called by the transport: while it blocks, nothing else is heard.
     ///
     /// # Errors
     /// [`NodeError::Session`].
@@ -119,11 +122,29 @@ impl Connection {
         channels: &[Channel],
         hear: impl Fn(Address, ZBytes) + Clone + Send + Sync + 'static,
     ) -> Result<(), NodeError> {
+        self.subscribe_to(channels, keys::tape, hear)
+    }
+
+    /// Hears the messages between simulator and nodes as they are sent. `hear` must not block.
+    pub(super) fn subscribe_live(
+        &self,
+        channels: &[Channel],
+        hear: impl Fn(Address, ZBytes) + Clone + Send + Sync + 'static,
+    ) -> Result<(), NodeError> {
+        self.subscribe_to(channels, keys::channel, hear)
+    }
+
+    fn subscribe_to(
+        &self,
+        channels: &[Channel],
+        selector: fn(&RunName, &Workers, Channel) -> String,
+        hear: impl Fn(Address, ZBytes) + Clone + Send + Sync + 'static,
+    ) -> Result<(), NodeError> {
         for channel in channels {
             let hear = hear.clone();
             let subscriber = self
                 .session
-                .declare_subscriber(keys::channel(&self.options.run, &self.options.worker, *channel))
+                .declare_subscriber(selector(&self.options.run, &self.options.worker, *channel))
                 .callback(move |sample| {
                     if let Some(address) = Address::parse(sample.key_expr().as_str()) {
                         hear(address, sample.payload().clone());

@@ -154,7 +154,7 @@ fn serve(options: &Options, service: Arc<dyn Service>) -> Result<Stop, NodeError
     let connection = Connection::open(options)?;
     let desks = Desks { run: options.run.clone(), session: connection.session(), service, queues: Mutex::default() };
     let desks = Arc::new(desks);
-    connection.subscribe(&channels, move |address, payload| desks.hand(address, payload))?;
+    connection.subscribe_live(&channels, move |address, payload| desks.hand(address, payload))?;
     connection.serve(role)
 }
 

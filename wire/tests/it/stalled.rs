@@ -1,0 +1,143 @@
+//! A recorder that is stopped (SIGSTOP) reads nothing any more. The drives must go on.
+
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use wire::hub::{Hub, HubSettings, NodeEvent, Wanted};
+use wire::keys::{Channel, Role, Worker, Workers};
+use wire::node::{Connection, Options, Planner, PlannerFactory, StepInput, serve_planner};
+use world::observation::{Briefing, Observation};
+use world::plan::{PLAN_STEPS, PlanState, UncheckedPlan};
+use world::reference_line::{ReferenceLine, ReferenceWindow};
+use world::scene::{AgentState, SceneId};
+
+const DEADLINE: Duration = Duration::from_secs(4);
+const STEPS: u32 = 600;
+const WORKERS: usize = 4;
+
+struct Empty;
+
+impl PlannerFactory for Empty {
+    fn start(&self, _: &Briefing) -> Result<Box<dyn Planner>, String> {
+        Ok(Box::new(Self))
+    }
+}
+
+impl Planner for Empty {
+    fn plan(&mut self, step: &StepInput<'_>) -> Result<UncheckedPlan, String> {
+        let states = vec![PlanState::default(); PLAN_STEPS];
+        Ok(UncheckedPlan { step: step.observation.step, states, ..Default::default() })
+    }
+}
+
+fn options(endpoint: &str, worker: Workers) -> Options {
+    Options { endpoint: endpoint.to_owned(), run: "stalled".parse().unwrap(), worker, name: None, exit_with_parent: false }
+}
+
+/// Not a test: the other process. It hears everything, like a recorder.
+#[test]
+#[ignore = "the listener's process, started by the test below"]
+fn listener() {
+    let Ok(endpoint) = std::env::var("STALLED_ENDPOINT") else { return };
+    let connection = Connection::open(&options(&endpoint, Workers::All)).unwrap();
+    connection.subscribe(&Channel::ALL, |_, _| {}).unwrap();
+    let _ = connection.serve(Role::Recorder);
+}
+
+struct Listener(Child);
+
+impl Drop for Listener {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn observation(step: u32) -> Observation {
+    let column = vec![1.5; 1200];
+    Observation {
+        step,
+        log_index: 19 + step,
+        av: AgentState::default(),
+        control: Default::default(),
+        agents: vec![],
+        signals: vec![],
+        window: ReferenceWindow {
+            line: Arc::new(ReferenceLine {
+                x: column.clone(),
+                y: column.clone(),
+                z: column.clone(),
+                heading: column.clone(),
+                curvature: column.clone(),
+                speed_limit: column,
+                crosswalk: vec![false; 1200],
+            }),
+            start: 0,
+            samples: 1200,
+            first_sample: 0,
+            red_stops: vec![],
+        },
+    }
+}
+
+#[test]
+fn a_stopped_recorder_makes_no_drive_miss_a_deadline() {
+    let hub = Hub::open_with(&"stalled".parse().unwrap(), &HubSettings { endpoint: None, deadline: DEADLINE }).unwrap();
+    let events = hub.watch();
+    let listener = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "stalled::listener", "--ignored"])
+        .env("STALLED_ENDPOINT", hub.endpoint())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let listener = Listener(listener);
+    for number in 0..WORKERS {
+        let options = options(hub.endpoint(), Workers::One(Worker::numbered(number)));
+        std::thread::spawn(move || serve_planner(&options, Arc::new(Empty)));
+    }
+    let mut wanted: Vec<Wanted> = (0..WORKERS)
+        .map(|n| Wanted { role: Role::Planner, workers: Workers::One(Worker::numbered(n)), name: None })
+        .collect();
+    wanted.push(Wanted { role: Role::Recorder, workers: Workers::All, name: None });
+    hub.wait_for_nodes(&wanted, Duration::from_secs(10), &|| false).unwrap();
+    let stopped = Command::new("kill").args(["-STOP", &listener.0.id().to_string()]).status().unwrap();
+    assert!(stopped.success());
+
+    let slowest = std::thread::scope(|scope| {
+        let drives: Vec<_> = (0..WORKERS).map(|number| scope.spawn({ let hub = &hub; move || drive(hub, number) })).collect();
+        drives.into_iter().map(|drive| drive.join().unwrap()).max().unwrap()
+    });
+    assert!(slowest < DEADLINE, "a step took {slowest:?}");
+    drop(listener);
+    let gone = |event: &NodeEvent| matches!(event, NodeEvent::Left(node) if node.role == Role::Recorder);
+    let until = Instant::now() + Duration::from_secs(10);
+    let next = || events.recv_timeout(until.saturating_duration_since(Instant::now()));
+    while !gone(&next().expect("its death is not noticed")) {}
+}
+
+/// Drives an episode; gives the time of its slowest step.
+fn drive(hub: &Hub, number: usize) -> Duration {
+    let scene = SceneId::new(format!("scene-{number}")).unwrap();
+    let mut line = hub.episode(&Worker::numbered(number), &scene, false).unwrap();
+    let briefing = Briefing {
+        scene,
+        protocol: "strict".to_owned(),
+        start: 19,
+        horizon: STEPS,
+        wheelbase: 3.0,
+        map: Arc::default(),
+        route: vec![],
+        reference_line: Arc::default(),
+        history: vec![],
+    };
+    line.announce(&briefing).unwrap();
+    let mut slowest = Duration::ZERO;
+    for step in 0..STEPS {
+        let start = Instant::now();
+        let (plan, _) = line.step(&observation(step), DEADLINE).unwrap();
+        slowest = slowest.max(start.elapsed());
+        plan.check(step).unwrap();
+    }
+    slowest
+}
