@@ -287,6 +287,28 @@ fn a_window_begins_20_m_behind_and_ends_with_the_line() {
 
 proptest! {
     #[test]
+    fn any_map_and_log_give_a_finite_line_or_an_error(
+        lanes in prop::collection::vec(
+            (prop::collection::vec((-30.0..30.0, -30.0..30.0), 1..5), prop::collection::vec(0_i64..8, 0..4)), 0..8,
+        ),
+        drive in prop::collection::vec((-40.0..40.0, -40.0..40.0, -9.0..9.0), 1..40),
+    ) {
+        let linked = |(id, (points, exits)): (i64, &(Vec<(f64, f64)>, Vec<i64>))| lane(id, points, exits, exits);
+        let lanes = (0..).zip(&lanes).map(linked).collect();
+        let drive = drive.into_iter().map(|(x, y, heading)| Pose::new(x, y, heading));
+        let scene = scene_with(Map { lanes, ..Map::default() }, drive, &[]);
+        for style in [RouteStyle::Strict, RouteStyle::Paper] {
+            if let Ok(route) = Route::of_log(&scene, style) {
+                let line = &route.line;
+                prop_assert!(line.len() >= 2 && line.crosswalk.len() == line.len());
+                for column in [&line.x, &line.y, &line.z, &line.heading, &line.curvature, &line.speed_limit] {
+                    prop_assert!(column.len() == line.len() && column.iter().all(|value| value.is_finite()));
+                }
+            }
+        }
+    }
+
+    #[test]
     fn a_hint_changes_no_answer(x in -20.0..320.0, y in -60.0..60.0, hint in 0_usize..4000) {
         let route = strict(road(), (0..80).map(|step| {
             let along = f64::from(step) * 2.0;
