@@ -27,6 +27,9 @@ pub const WRONG_WAY: f64 = 2.0;
 /// Samples of that second, both ends included.
 const SECOND: usize = 1 + (1.0 / STEP_SECONDS) as usize;
 
+/// Segments at either end of a lane at which it may cross another without being in an intersection.
+const END_SEGMENTS: usize = 2;
+
 /// The most lanes that are looked at around a point.
 const CANDIDATES: usize = 32;
 
@@ -106,19 +109,43 @@ impl Lanes {
             }
         }
         let places: BTreeMap<MapId, usize> = lanes.iter().enumerate().map(|(at, (lane, _))| (lane.id, at)).collect();
-        let limits: BTreeMap<MapId, f64> =
-            map.lanes.iter().map(|lane| (lane.id, lane.speed_limit().unwrap_or(0.0))).collect();
         let boundaries = Boundaries::of(map);
         let mut first_segment = 0;
         let strips = lanes.iter().map(|(lane, kept)| {
-            let strip = Strip::of(lane, kept, &places, &limits, &boundaries, first_segment);
+            let strip = Strip::of(lane, kept, &places, &boundaries, first_segment);
             first_segment += kept.len() - 1;
             strip
         });
         let strips: Vec<Strip> = strips.collect();
         let chains = strips.iter().enumerate().map(|(index, strip)| (index as u32, strip.points.iter().copied()));
-        let grid = SegmentGrid::new(chains, 4.0);
-        Self { strips, grid }
+        let mut lanes = Self { grid: SegmentGrid::new(chains, 4.0), strips };
+        for index in 0..lanes.strips.len() {
+            lanes.strips[index].intersection |= lanes.is_crossed(index);
+        }
+        let limits: Vec<f64> = lanes.strips.iter().map(|strip| strip.speed_limit).collect();
+        for strip in &mut lanes.strips {
+            strip.set_connector_limit(&limits);
+        }
+        lanes
+    }
+
+    /// Whether another lane's center line crosses this one's: that is an intersection, whether the map marks it or not.
+    fn is_crossed(&self, lane: usize) -> bool {
+        // Lanes that begin or end together wriggle across each other there.
+        let inner = |lane: usize| {
+            let first = self.strips[lane].first_segment;
+            first + END_SEGMENTS..(first + self.strips[lane].points.len() - 1).saturating_sub(END_SEGMENTS)
+        };
+        inner(lane).any(|index| {
+            let own = self.grid.segment(index);
+            let mut crossed = false;
+            self.grid.for_each_near(own.start, own.length(), |other| {
+                let other_lane = self.grid.payload(other) as usize;
+                let candidate = other_lane != lane && inner(other_lane).contains(&other);
+                crossed |= candidate && cross(&own, &self.grid.segment(other));
+            });
+            crossed
+        })
     }
 
     /// The lanes that hold `point`, each with its place, up to [`CANDIDATES`]; in no order to rely on.
@@ -188,7 +215,6 @@ impl Strip {
         lane: &Lane,
         kept: &[usize],
         places: &BTreeMap<MapId, usize>,
-        limits: &BTreeMap<MapId, f64>,
         boundaries: &Boundaries,
         first_segment: usize,
     ) -> Self {
@@ -206,10 +232,19 @@ impl Strip {
             stations,
             entries: linked(&lane.entries),
             exits: linked(&lane.exits),
-            speed_limit: speed_limit(lane, limits),
+            speed_limit: lane.speed_limit().unwrap_or(0.0),
             intersection: lane.interpolating,
             first_segment,
             points,
+        }
+    }
+
+    /// In an intersection the larger limit of the lanes before and after counts, if all are known (nuPlan's rule for
+    /// connectors).
+    fn set_connector_limit(&mut self, limits: &[f64]) {
+        let around = self.entries.iter().chain(&self.exits).map(|lane| limits[*lane]);
+        if self.intersection && around.clone().count() > 0 && around.clone().all(|limit| limit > 0.0) {
+            self.speed_limit = around.fold(0.0, f64::max);
         }
     }
 
@@ -250,12 +285,9 @@ impl Strip {
     }
 }
 
-/// The lane's limit (m/s); between two others the larger of theirs, if all are known (nuPlan's rule for connectors), else
-/// its own. 0 where it is not known.
-fn speed_limit(lane: &Lane, limits: &BTreeMap<MapId, f64>) -> f64 {
-    let around = lane.entries.iter().chain(&lane.exits).map(|id| limits.get(id).copied().unwrap_or(0.0));
-    let known = around.clone().count() > 0 && around.clone().all(|limit| limit > 0.0);
-    if lane.interpolating && known { around.fold(0.0, f64::max) } else { limits.get(&lane.id).copied().unwrap_or(0.0) }
+/// Whether two segments cross, each at an inner point of the other.
+fn cross(a: &Segment, b: &Segment) -> bool {
+    a.side(b.start) * a.side(b.end) < 0.0 && b.side(a.start) * b.side(a.end) < 0.0
 }
 
 /// A handful of lanes, without allocation.
