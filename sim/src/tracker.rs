@@ -112,7 +112,7 @@ mod tests {
                 let (x, y) = if curvature == 0.0 {
                     (arc, 0.0)
                 } else {
-                    (heading.sin() / curvature, (1.0 - heading.cos()) / curvature)
+                    (libm::sin(heading) / curvature, (1.0 - libm::cos(heading)) / curvature)
                 };
                 PlanState { x, y, heading, speed }
             })

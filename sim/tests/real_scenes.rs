@@ -1,6 +1,6 @@
 //! The logged humans of real scenes, judged by the rules for planners. Skipped where the scenes are not there.
 
-#![allow(clippy::unwrap_used, reason = "a test may panic")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test may panic, and prints its table")]
 
 mod straight_road;
 
@@ -42,7 +42,8 @@ fn metric(outcome: &Outcome, name: &str) -> Option<f64> {
 }
 
 fn describe(scene: &Scene, outcome: &Outcome) {
-    let shown = ["progress_m", "min_time_to_collision_s", "speed_limit_compliance", "position_error_10s_m", "nuplan_score"];
+    let shown =
+        ["progress_m", "min_time_to_collision_s", "speed_limit_compliance", "position_error_10s_m", "nuplan_score"];
     let shown = shown.map(|name| format!("{name} {:.3}", metric(outcome, name).unwrap_or(f64::NAN)));
     println!("{} {:?} after {}: {}", scene.id(), outcome.end.reason(), outcome.end.steps, shown.join(", "));
     for event in &outcome.events {

@@ -88,9 +88,8 @@ fn a_contact_that_is_not_at_fault_counts_once_and_the_drive_goes_on() {
     // A logged AV that is elsewhere is no excuse.
     let settings = StrictSettings::default();
     let alone = StraightRoad { av: car(0.0, 0.0, 0.0, 10.0), ..faster };
-    let slow = &mut Controls(|o: &Observation| Control {
-        acceleration: if o.step < 20 { -1.0 } else { 0.0 }, steering: 0.0,
-    });
+    let slow =
+        &mut Controls(|o: &Observation| Control { acceleration: if o.step < 20 { -1.0 } else { 0.0 }, steering: 0.0 });
     let outcome = run_with(&alone.scene(), settings, slow);
     assert_eq!(metric(&outcome, "collision"), Some(1.0));
     assert_eq!(metric(&outcome, "at_fault_collision"), Some(0.0));
@@ -230,8 +229,8 @@ fn eventful(origin: Pose) -> Outcome {
     let road = road.with(car(60.0, -0.5, 0.1, 4.0)).with(car(90.0, 3.5, 3.2, 9.0)).with(car(-25.0, 0.2, 0.0, 12.0));
     let settings = StrictSettings { ending_collision: EndingCollision::None, ..StrictSettings::default() };
     let mut driver = Controls(|o: &Observation| Control {
-        acceleration: (f64::from(o.step) * 0.13).sin(),
-        steering: 0.02 * (f64::from(o.step) * 0.21).cos(),
+        acceleration: libm::sin(f64::from(o.step) * 0.13),
+        steering: 0.02 * libm::cos(f64::from(o.step) * 0.21),
     });
     run_with(&road.scene(), settings, &mut driver)
 }

@@ -179,6 +179,6 @@ impl Human {
     pub fn route_progress(&self) -> Option<f64> {
         let mut present = self.steps.iter().flatten().map(|(_, reading)| reading.station);
         let first = present.next()?;
-        Some(present.last().unwrap_or(first) - first)
+        Some(present.next_back().unwrap_or(first) - first)
     }
 }

@@ -25,7 +25,7 @@ use world::scene::{AgentState, Scene};
 use world::vehicle::{BicycleModel, Limits, VehicleState};
 
 use self::course::{Course, Human, Reader};
-use self::referee::Referee;
+use self::referee::{Moment, Referee};
 use crate::judges::Body;
 use crate::metrics::{self, Drive};
 use crate::protocol::{Motion, Protocol, SettingError, StrictSettings};
@@ -242,12 +242,15 @@ impl Episode {
             av: Some((&self.av.state).into()),
             control: Some(self.control.into()),
             yaw_rate,
-            position_error: self.human.body(log_index).map(|human| {
-                human.outline.center.distance(self.av.outline.center)
-            }),
+            position_error: self
+                .human
+                .body(log_index)
+                .map(|human| human.outline.center.distance(self.av.outline.center)),
             ..proto::StepRecord::default()
         };
-        self.referee.judge(&self.course, &self.human, log_index, &self.av, &reading, &mut self.advance);
+        let (course, human, av) = (&self.course, &self.human, &self.av);
+        let moment = Moment { course, human, log_index, av, reading: &reading };
+        self.referee.judge(&moment, &mut self.advance);
         self.step += 1;
         self.advance.ended = self.reason_to_end();
         self.advance.record.events = self.advance.events.len() as u32;
@@ -284,8 +287,8 @@ impl Episode {
             Motion::Bicycle => {
                 let steering = self.control.steering;
                 let wanted = plan.controls().and_then(|controls| controls.first().copied());
-                let wanted = wanted
-                    .unwrap_or_else(|| tracker::track(&now, steering, self.vehicle.wheelbase, plan.states()));
+                let wanted =
+                    wanted.unwrap_or_else(|| tracker::track(&now, steering, self.vehicle.wheelbase, plan.states()));
                 self.control = self.limits.apply(wanted, steering, STEP_SECONDS);
                 let next = self.vehicle.step(now, self.control, STEP_SECONDS);
                 // What braking did, where the AV came to a stop within the step.
@@ -366,7 +369,8 @@ impl Episode {
 }
 
 fn named(values: Vec<Option<f64>>) -> Vec<proto::Metric> {
-    let metric = |(metric, value): (&metrics::Metric, Option<f64>)| proto::Metric { name: metric.name.to_owned(), value };
+    let metric =
+        |(metric, value): (&metrics::Metric, Option<f64>)| proto::Metric { name: metric.name.to_owned(), value };
     metrics::METRICS.iter().zip(values).map(metric).collect()
 }
 
@@ -387,7 +391,9 @@ fn steering_of(yaw_rate: f64, speed: f64, wheelbase: f64) -> f64 {
 /// How the wheels stand when the drive starts, read from the log of the last half second.
 fn logged_steering(scene: &Scene, start: usize, vehicle: &BicycleModel) -> f64 {
     let states = &scene.av().states;
-    let Some((now, before)) = states[start].zip(start.checked_sub(5).and_then(|index| states[index])) else { return 0.0 };
+    let Some((now, before)) = states[start].zip(start.checked_sub(5).and_then(|index| states[index])) else {
+        return 0.0;
+    };
     let yaw_rate = angle_difference(before.heading, now.heading) / (5.0 * STEP_SECONDS);
     let speed = 0.5 * (now.speed() + before.speed());
     steering_of(yaw_rate, speed, vehicle.wheelbase).clamp(-vehicle.steering_clip, vehicle.steering_clip)

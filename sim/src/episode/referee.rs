@@ -3,18 +3,15 @@
 
 use wire::proto;
 use wire::proto::event::{Contact, Kind};
+use world::plan::STEP_SECONDS;
 use world::scene::{AgentKind, Scene, TrackId};
 
 use super::Advance;
 use super::course::{Course, Human, Reading};
 use super::traffic::{Traffic, TrafficAgent};
-use crate::judges::Body;
 use crate::judges::collision::{classify, is_ahead, is_at_fault, is_behind, overlaps};
-use crate::judges::time_to_collision::{
-    HORIZON_STEPS, LEAST_TIME_TO_COLLISION, STANDING_SPEED, time_to_collision,
-};
-use crate::judges::STOREY;
-use world::plan::STEP_SECONDS;
+use crate::judges::time_to_collision::{HORIZON_STEPS, LEAST_TIME_TO_COLLISION, STANDING_SPEED, time_to_collision};
+use crate::judges::{Body, STOREY};
 
 /// How a rule stands at a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -34,6 +31,16 @@ impl Standing {
             (true, false) => Self::Broken,
         }
     }
+}
+
+/// What there is to judge at a step.
+#[derive(Clone, Copy)]
+pub(super) struct Moment<'a> {
+    pub course: &'a Course,
+    pub human: &'a Human,
+    pub log_index: usize,
+    pub av: &'a Body,
+    pub reading: &'a Reading,
 }
 
 /// The judge of one drive.
@@ -78,17 +85,9 @@ impl Referee {
         &self.at_fault
     }
 
-    /// Fills in the record and the events of a step whose reading is `reading`.
-    pub(super) fn judge(
-        &mut self,
-        course: &Course,
-        human: &Human,
-        log_index: usize,
-        av: &Body,
-        reading: &Reading,
-        advance: &mut Advance,
-    ) {
-        let Advance { record, events, .. } = advance;
+    /// Fills in the record and the events of a step.
+    pub(super) fn judge(&mut self, moment: &Moment<'_>, advance: &mut Advance) {
+        let (record, reading) = (&mut advance.record, moment.reading);
         record.station = reading.station;
         record.lateral_offset = reading.lateral_offset;
         record.route_distance = reading.route_distance;
@@ -96,20 +95,12 @@ impl Referee {
         record.speed_limit = reading.lane.speed_limit;
         record.backward_travel = reading.lane.backward_travel;
         record.in_one_lane = reading.lane.in_one_lane;
-        self.judge_traffic(course, human, log_index, av, reading, record, events);
-        self.judge_rules(human, log_index, av, reading, record, events);
+        self.judge_traffic(moment, advance);
+        self.judge_rules(moment, advance);
     }
 
-    fn judge_traffic(
-        &mut self,
-        course: &Course,
-        human: &Human,
-        log_index: usize,
-        av: &Body,
-        reading: &Reading,
-        record: &mut proto::StepRecord,
-        events: &mut Vec<proto::Event>,
-    ) {
+    fn judge_traffic(&mut self, moment: &Moment<'_>, advance: &mut Advance) {
+        let Moment { course, human, log_index, av, reading } = *moment;
         let beside_matters = !reading.lane.in_one_lane || reading.lane.in_intersection;
         let reach = av.outline.radius() + av.speed * HORIZON_STEPS as f64 * STEP_SECONDS;
         let mut least: Option<f64> = None;
@@ -124,27 +115,22 @@ impl Referee {
             }
             self.netted[agent.track] = false;
             let center = agent.outline.center;
-            let matters = is_ahead(av, self.wheelbase, center)
-                || (beside_matters && !is_behind(av, self.wheelbase, center));
+            let matters =
+                is_ahead(av, self.wheelbase, center) || (beside_matters && !is_behind(av, self.wheelbase, center));
             if matters && av.speed > STANDING_SPEED {
                 least = time_to_collision(av, agent).into_iter().chain(least).reduce(f64::min);
             }
         });
         for index in 0..self.overlapping.len() {
             let agent = self.overlapping[index];
-            self.judge_contact(human.body(log_index), av, &agent, record, events);
+            self.judge_contact(human.body(log_index), av, &agent, advance);
         }
+        let record = &mut advance.record;
         record.time_to_collision = if record.at_fault_collision { Some(0.0) } else { least };
     }
 
-    fn judge_contact(
-        &mut self,
-        human: Option<&Body>,
-        av: &Body,
-        agent: &TrafficAgent,
-        record: &mut proto::StepRecord,
-        events: &mut Vec<proto::Event>,
-    ) {
+    fn judge_contact(&mut self, human: Option<&Body>, av: &Body, agent: &TrafficAgent, advance: &mut Advance) {
+        let Advance { record, events, .. } = advance;
         let contact = classify(av, self.wheelbase, agent);
         let at_fault = is_at_fault(contact, record.in_one_lane);
         let netted = human.is_some_and(|human| overlaps(human, agent));
@@ -174,15 +160,9 @@ impl Referee {
         });
     }
 
-    fn judge_rules(
-        &mut self,
-        human: &Human,
-        log_index: usize,
-        av: &Body,
-        reading: &Reading,
-        record: &mut proto::StepRecord,
-        events: &mut Vec<proto::Event>,
-    ) {
+    fn judge_rules(&mut self, moment: &Moment<'_>, advance: &mut Advance) {
+        let Moment { human, log_index, av, reading, .. } = *moment;
+        let Advance { record, events, .. } = advance;
         let (own, log) = (reading.faults, human.faults(log_index));
         let step = record.step;
         let off_route = Standing::of(own.off_route, log.off_route);
@@ -221,7 +201,9 @@ impl Referee {
         if let Some(stop) = reading.red_stop {
             let now = Standing::of(true, human.crosses_red(stop.lane));
             record.red_light = now == Standing::Broken;
-            say(now, &mut Standing::Kept, Kind::RedLight, &|| format!("crossed the stop point of lane {} at red", stop.lane));
+            say(now, &mut Standing::Kept, Kind::RedLight, &|| {
+                format!("crossed the stop point of lane {} at red", stop.lane)
+            });
         }
     }
 }

@@ -96,9 +96,7 @@ impl Lanes {
     /// The lanes of `map` on the route's level.
     #[must_use]
     pub fn of(map: &Map, level: &Level) -> Self {
-        let usable = |lane: &&Lane| {
-            lane.kind.is_drivable() && lane.centerline.iter().any(|point| level.holds(*point))
-        };
+        let usable = |lane: &&Lane| lane.kind.is_drivable() && lane.centerline.iter().any(|point| level.holds(*point));
         let mut lanes: Vec<(&Lane, Vec<usize>)> = Vec::new();
         for lane in map.lanes.iter().filter(usable) {
             // Which points are kept: those that do not repeat.
@@ -168,7 +166,8 @@ impl Lanes {
     fn holds_all(&self, lane: usize, segment: usize, corners: &[Point; 4]) -> bool {
         let strip = &self.strips[lane];
         corners.iter().all(|corner| {
-            let inside = |lane: usize, from: usize| self.strips[lane].place(from, *corner, Point::default()).is_inside();
+            let inside =
+                |lane: usize, from: usize| self.strips[lane].place(from, *corner, Point::default()).is_inside();
             inside(lane, segment)
                 || strip.exits.iter().any(|exit| inside(*exit, 0))
                 || strip.entries.iter().any(|entry| inside(*entry, self.strips[*entry].points.len() - 2))
@@ -274,7 +273,8 @@ impl Strip {
         let beyond = (index == 0 && ahead < 0.0) || (index == last && ahead > length);
         let distance = nearest.distance_squared.sqrt();
         let side = usize::from(along.cross(offset) < 0.0);
-        let width = self.widths[index][side] * (1.0 - nearest.fraction) + self.widths[index + 1][side] * nearest.fraction;
+        let width =
+            self.widths[index][side] * (1.0 - nearest.fraction) + self.widths[index + 1][side] * nearest.fraction;
         Place {
             segment: index,
             station: self.stations[index] + length * nearest.fraction,

@@ -93,9 +93,8 @@ mod tests {
 
     #[test]
     fn it_must_be_red_before_and_after_the_step() {
-        let stops = |red: [bool; 2]| RedStops {
-            steps: red.map(|red| if red { vec![STOP] } else { Vec::new() }).to_vec(),
-        };
+        let stops =
+            |red: [bool; 2]| RedStops { steps: red.map(|red| if red { vec![STOP] } else { Vec::new() }).to_vec() };
         let crossed = |red| stops(red).crossed(0, Point::new(9.9, 0.0), Point::new(10.1, 0.0)).is_some();
         assert!(crossed([true, true]) && !crossed([false, true]) && !crossed([true, false]));
     }

@@ -69,7 +69,8 @@ mod tests {
         let velocity = Point::unit(pose.heading) * speed;
         let (x, y, heading) = (pose.x, pose.y, pose.heading);
         let (velocity_x, velocity_y) = (velocity.x, velocity.y);
-        let state = AgentState { x, y, heading, velocity_x, velocity_y, length: 4.8, width: 2.0, ..AgentState::default() };
+        let state =
+            AgentState { x, y, heading, velocity_x, velocity_y, length: 4.8, width: 2.0, ..AgentState::default() };
         Body { speed, ..Body::of(state) }
     }
 

@@ -63,8 +63,10 @@ impl Extremes {
         let lateral: Vec<f64> = drive.iter().map(|sample| sample.lateral_acceleration).collect();
         let magnitude: Vec<f64> = drive
             .iter()
-            .map(|sample| (sample.acceleration * sample.acceleration
-                + sample.lateral_acceleration * sample.lateral_acceleration).sqrt())
+            .map(|sample| {
+                (sample.acceleration * sample.acceleration + sample.lateral_acceleration * sample.lateral_acceleration)
+                    .sqrt()
+            })
             .collect();
         let headings = unwrapped(drive.iter().map(|sample| sample.heading));
         let acceleration = filter(SMOOTH, &longitudinal)?;
@@ -135,9 +137,8 @@ mod tests {
 
     #[test]
     fn steady_braking_is_within_the_bound_or_not() {
-        let braking = |acceleration| {
-            Extremes::of(&[Sample { acceleration, ..Sample::default() }; 40]).unwrap().are_comfortable()
-        };
+        let braking =
+            |acceleration| Extremes::of(&[Sample { acceleration, ..Sample::default() }; 40]).unwrap().are_comfortable();
         assert!(braking(-4.0) && !braking(-4.1) && braking(2.3) && !braking(2.5));
     }
 

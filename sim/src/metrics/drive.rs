@@ -146,4 +146,3 @@ fn sample(record: &proto::StepRecord) -> comfort::Sample {
         heading: pose(record).heading,
     }
 }
-

@@ -84,13 +84,13 @@ mod tests {
         let poses: Vec<Pose> = (1..=80)
             .map(|step| {
                 let angle = 0.5 * f64::from(step) * STEP_SECONDS;
-                Pose::new(20.0 * angle.sin(), 20.0 * (1.0 - angle.cos()), angle)
+                Pose::new(20.0 * libm::sin(angle), 20.0 * (1.0 - libm::cos(angle)), angle)
             })
             .collect();
         let comfort = comfort(&poses);
         near(comfort.acceleration, 0.0);
         near(comfort.lateral_acceleration, 0.0);
-        near(progress(&poses), 79.0 * 40.0 * (0.025_f64).sin());
+        near(progress(&poses), 79.0 * 40.0 * libm::sin(0.025));
     }
 
     #[test]

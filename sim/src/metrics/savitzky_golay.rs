@@ -47,11 +47,11 @@ impl SavitzkyGolay {
         let mut equations = [[0.0; MAX_DEGREE + 2]; MAX_DEGREE + 1];
         for (index, value) in window.iter().enumerate() {
             let x = index as f64 - middle;
-            for row in 0..terms {
-                for column in 0..terms {
-                    equations[row][column] += power(x, row + column);
+            for (row, equation) in equations.iter_mut().enumerate().take(terms) {
+                for (column, entry) in equation.iter_mut().enumerate().take(terms) {
+                    *entry += power(x, row + column);
                 }
-                equations[row][terms] += power(x, row) * value;
+                equation[terms] += power(x, row) * value;
             }
         }
         let coefficients = solve(equations, terms);
@@ -112,7 +112,10 @@ mod tests {
         for (samples, window, degree, derivative, expected) in SCIPY.iter().copied() {
             let filtered = SavitzkyGolay { window, degree, derivative }.apply(&signal(samples), 0.1).unwrap();
             for (index, (got, expected)) in filtered.iter().zip(expected).enumerate() {
-                assert!((got - expected).abs() < 1e-9, "window {window}, derivative {derivative}, {index}: {got} {expected}");
+                assert!(
+                    (got - expected).abs() < 1e-9,
+                    "window {window}, derivative {derivative}, {index}: {got} {expected}"
+                );
             }
             assert_eq!(filtered.len(), expected.len());
         }

@@ -36,9 +36,7 @@ pub struct Mover {
 /// A car that goes straight on at constant speed from where it is at the drive's start.
 pub fn car(x: f64, y: f64, heading: f64, speed: f64) -> Mover {
     let forward = Point::unit(heading);
-    let motion = move |time: f64| {
-        Some((x + forward.x * speed * time, y + forward.y * speed * time, heading, speed))
-    };
+    let motion = move |time: f64| Some((x + forward.x * speed * time, y + forward.y * speed * time, heading, speed));
     Mover { kind: AgentKind::Vehicle, z: 0.75, motion: Box::new(motion) }
 }
 
