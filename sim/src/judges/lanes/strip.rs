@@ -1,31 +1,17 @@
-//! Which lane the AV is in, whether its box lies wholly in one, how far it has driven against a lane's direction, and how
-//! fast it may go there: what nuPlan asks its lane polygons for.
-//!
-//! WOMD has center lines and, along most of them, boundaries. What stands for a polygon is the strip from one boundary to
-//! the other; where the map names none, [`HALF_WIDTH`] to that side. As in nuPlan, the AV's lane is kept while it holds the AV's
-//! centre, then looked for among the lanes that it leads to, then in the whole map. In an intersection many lanes hold the same
-//! point; nuPlan picks by where the AV ends up, we by the direction it looks to.
+//! Lanes as strips of ground, and the place of a point in them.
 
 use std::collections::BTreeMap;
 
 use world::geometry::{Point, Segment, SegmentGrid};
 use world::map::{BoundarySegment, Lane, Map, MapId};
-use world::plan::STEP_SECONDS;
 
-use super::Body;
-use super::level::Level;
+use crate::judges::level::Level;
 
 /// Half the width (m) of a lane whose boundary the map does not name: half of a lane of 12 feet.
 pub const HALF_WIDTH: f64 = 1.83;
 
 /// A lane reaches at most this far (m) from its center line, wherever its boundary is.
 const WIDEST: f64 = 4.0;
-
-/// Metres driven against a lane within a second from which on the AV drives the wrong way (nuPlan's compliance threshold).
-pub const WRONG_WAY: f64 = 2.0;
-
-/// Samples of that second, both ends included.
-const SECOND: usize = 1 + (1.0 / STEP_SECONDS) as usize;
 
 /// Segments at either end of a lane at which it may cross another without being in an intersection.
 const END_SEGMENTS: usize = 2;
@@ -34,39 +20,36 @@ const END_SEGMENTS: usize = 2;
 const CANDIDATES: usize = 32;
 
 /// cos 45 degrees: a lane is the AV's way if it points within that of where the AV looks.
-const ALIGNED: f64 = std::f64::consts::FRAC_1_SQRT_2;
-
-/// So far (m) outside of its lane the AV still follows it in an intersection (nuPlan's distance).
-const CUTTING: f64 = 5.0;
+pub(super) const ALIGNED: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// A lane as a strip.
 #[derive(Clone, Debug)]
-struct Strip {
+pub(super) struct Strip {
     points: Vec<Point>,
     /// Arc length (m) at each point.
     stations: Vec<f64>,
     /// Half width (m) to the left and to the right at each point.
     widths: Vec<[f64; 2]>,
     entries: Vec<usize>,
-    exits: Vec<usize>,
+    pub(super) exits: Vec<usize>,
     /// m/s, 0 where it is not known.
-    speed_limit: f64,
-    intersection: bool,
+    pub(super) speed_limit: f64,
+    pub(super) intersection: bool,
     /// Number of its first segment in the grid.
     first_segment: usize,
 }
 
 /// A point's place in a lane.
 #[derive(Clone, Copy, Debug)]
-struct Place {
-    segment: usize,
-    station: f64,
+pub(super) struct Place {
+    pub(super) segment: usize,
+    pub(super) station: f64,
     /// Distance to the center line (m).
     distance: f64,
     /// How far outside of the strip (m), 0 within; infinite before the lane's start and beyond its end.
     outside: f64,
     /// Cosine of the angle between the lane and where the body looks.
-    alignment: f64,
+    pub(super) alignment: f64,
 }
 
 impl Place {
@@ -75,20 +58,20 @@ impl Place {
     }
 
     /// Whether the body is in the lane, or `margin` (m) beside it, and looks its way.
-    fn is_way(&self, margin: f64) -> bool {
+    pub(super) fn is_way(&self, margin: f64) -> bool {
         self.outside <= margin && self.alignment >= ALIGNED
     }
 }
 
 /// By distance to the center line, then in the map's order.
-fn nearer(a: &(usize, Place), b: &(usize, Place)) -> std::cmp::Ordering {
+pub(super) fn nearer(a: &(usize, Place), b: &(usize, Place)) -> std::cmp::Ordering {
     a.1.distance.total_cmp(&b.1.distance).then(a.0.cmp(&b.0))
 }
 
 /// The lanes around the route that cars drive on.
 #[derive(Clone, Debug)]
 pub struct Lanes {
-    strips: Vec<Strip>,
+    pub(super) strips: Vec<Strip>,
     grid: SegmentGrid,
 }
 
@@ -147,7 +130,7 @@ impl Lanes {
     }
 
     /// The lanes that hold `point`, each with its place, up to [`CANDIDATES`]; in no order to rely on.
-    fn holding(&self, point: Point, forward: Point) -> Candidates {
+    pub(super) fn holding(&self, point: Point, forward: Point) -> Candidates {
         let mut found = Candidates::default();
         self.grid.for_each_near(point, WIDEST, |segment| {
             let lane = self.grid.payload(segment) as usize;
@@ -163,7 +146,7 @@ impl Lanes {
     }
 
     /// Whether each corner lies in `lane` or in one that it leads to or comes from.
-    fn holds_all(&self, lane: usize, segment: usize, corners: &[Point; 4]) -> bool {
+    pub(super) fn holds_all(&self, lane: usize, segment: usize, corners: &[Point; 4]) -> bool {
         let strip = &self.strips[lane];
         corners.iter().all(|corner| {
             let inside =
@@ -248,7 +231,7 @@ impl Strip {
     }
 
     /// The place of `point`, looked for from segment `from` on downhill: lanes are smooth, and `from` is near.
-    fn place(&self, from: usize, point: Point, forward: Point) -> Place {
+    pub(super) fn place(&self, from: usize, point: Point, forward: Point) -> Place {
         let at = |index: usize| {
             let segment = Segment { start: self.points[index], end: self.points[index + 1] };
             (segment, segment.nearest_to(point))
@@ -292,7 +275,7 @@ fn cross(a: &Segment, b: &Segment) -> bool {
 
 /// A handful of lanes, without allocation.
 #[derive(Default)]
-struct Candidates {
+pub(super) struct Candidates {
     lanes: [Option<(usize, Place)>; CANDIDATES],
     count: usize,
 }
@@ -305,102 +288,7 @@ impl Candidates {
         }
     }
 
-    fn iter(&self) -> impl Iterator<Item = (usize, Place)> + '_ {
+    pub(super) fn iter(&self) -> impl Iterator<Item = (usize, Place)> + '_ {
         self.lanes[..self.count].iter().flatten().copied()
     }
-}
-
-/// What the lanes say of the AV at one step.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LaneReading {
-    /// Whether its box lies wholly in one lane, or in one and those it leads to or comes from.
-    pub in_one_lane: bool,
-    /// Whether its lane is one of an intersection.
-    pub in_intersection: bool,
-    /// Metres driven against the lane's direction in the last second, never negative.
-    pub backward_travel: f64,
-    /// m/s, 0 where it is not known.
-    pub speed_limit: f64,
-}
-
-/// Follows the AV from lane to lane.
-#[derive(Clone, Debug, Default)]
-pub struct LaneTracker {
-    /// The AV's lane, and its segment in it.
-    lane: Option<(usize, usize)>,
-    /// The lane that the last progress was measured in, and the AV's station in it.
-    measured: Option<(usize, Option<f64>)>,
-    /// Progress along the lane (m) at each of the last samples.
-    progress: [f64; SECOND],
-    next: usize,
-}
-
-impl LaneTracker {
-    /// The reading at the next step.
-    pub fn read(&mut self, lanes: &Lanes, av: &Body) -> LaneReading {
-        let found = self.find(lanes, av);
-        self.lane = found.map(|(lane, place)| (lane, place.segment));
-        self.progress[self.next] = found.map_or(0.0, |(lane, place)| self.measure(lane, place.station));
-        self.next = (self.next + 1) % SECOND;
-        let strip = found.map(|(lane, _)| &lanes.strips[lane]);
-        LaneReading {
-            in_one_lane: found.is_some_and(|(lane, place)| in_one_lane(lanes, lane, place.segment, av)),
-            in_intersection: strip.is_some_and(|strip| strip.intersection),
-            backward_travel: (-self.progress.iter().sum::<f64>()).max(0.0),
-            speed_limit: strip.map_or(0.0, |strip| strip.speed_limit),
-        }
-    }
-
-    fn find(&self, lanes: &Lanes, av: &Body) -> Option<(usize, Place)> {
-        let (center, forward) = (av.outline.center, av.outline.forward);
-        let current = self.lane.map(|(lane, segment)| (lane, lanes.strips[lane].place(segment, center, forward)));
-        if let Some((lane, place)) = current {
-            if place.is_way(0.0) {
-                return current;
-            }
-            let exits = lanes.strips[lane].exits.iter();
-            let exits = exits.map(|exit| (*exit, lanes.strips[*exit].place(0, center, forward)));
-            let best = exits.filter(|(_, place)| place.is_way(0.0)).min_by(nearer);
-            if best.is_some() {
-                return best;
-            }
-        }
-        // One that points the AV's way before one that crosses it, that before one that comes towards it.
-        let candidates = lanes.holding(center, forward);
-        let aligned = candidates.iter().filter(|(_, place)| place.alignment >= ALIGNED).min_by(nearer);
-        let found = aligned
-            .or_else(|| candidates.iter().max_by(|a, b| a.1.alignment.total_cmp(&b.1.alignment).then(b.0.cmp(&a.0))));
-        // Who cuts a corner within an intersection keeps his lane, rather than take one that only crosses it.
-        let in_intersection = |lane: usize| lanes.strips[lane].intersection;
-        let kept = current.filter(|(lane, place)| in_intersection(*lane) && place.is_way(CUTTING));
-        let leads_on = |(lane, place): (usize, Place)| !in_intersection(lane) && place.alignment >= ALIGNED;
-        kept.filter(|_| !found.is_some_and(leads_on)).or(found)
-    }
-
-    /// Progress in `lane` since the last sample (m), as nuPlan counts it: none at the first two samples in a new lane.
-    fn measure(&mut self, lane: usize, station: f64) -> f64 {
-        match self.measured {
-            Some((same, before)) if same == lane => {
-                self.measured = Some((lane, Some(station)));
-                before.map_or(0.0, |before| station - before)
-            }
-            Some(_) => {
-                self.measured = Some((lane, None));
-                0.0
-            }
-            None => {
-                self.measured = Some((lane, Some(station)));
-                0.0
-            }
-        }
-    }
-}
-
-fn in_one_lane(lanes: &Lanes, lane: usize, segment: usize, av: &Body) -> bool {
-    let corners = av.outline.corners();
-    lanes.holds_all(lane, segment, &corners)
-        || lanes
-            .holding(av.outline.center, av.outline.forward)
-            .iter()
-            .any(|(other, place)| other != lane && lanes.holds_all(other, place.segment, &corners))
 }
