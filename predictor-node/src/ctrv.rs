@@ -85,11 +85,11 @@ mod tests {
     fn a_turning_agent_stays_on_its_circle() {
         // Each step is a chord of 0.1 v: the circle through them has the radius 0.05 v / sin(0.05 w).
         let (speed, rate) = (8.0, 0.4);
-        let radius = 0.05 * speed / (0.05_f64 * rate).sin();
+        let radius = 0.05 * speed / libm::sin(0.05 * rate);
         let poses = poses(Pose::new(0.0, 0.0, 0.0), speed, rate);
         // The first chord has the heading 0.04: the centre lies to the left of its middle.
         let first = Point::unit(0.1 * rate);
-        let apothem = radius * (0.05_f64 * rate).cos();
+        let apothem = radius * libm::cos(0.05 * rate);
         let center = first * (0.05 * speed) + Point::new(-first.y, first.x) * apothem;
         for pose in poses {
             assert!((pose.position().distance(center) - radius).abs() < 1e-9);

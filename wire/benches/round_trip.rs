@@ -47,9 +47,12 @@ fn measure() {
 
     report("floor: bare TCP", floor(request.len(), reply.len()));
     report("encode observation", time(|_| drop(proto::Observation::from(&observation).encode_to_vec())));
-    report("decode observation", time(|_| {
-        drop(Observation::try_from(convert::decode::<proto::Observation>(&request).unwrap()).unwrap());
-    }));
+    report(
+        "decode observation",
+        time(|_| {
+            drop(Observation::try_from(convert::decode::<proto::Observation>(&request).unwrap()).unwrap());
+        }),
+    );
     let (median, p99) = report("bus: observation out, plan back", bus());
     let verdict = if median < 300.0 && p99 < 1000.0 { "met" } else { "MISSED" };
     println!("target: median below 300 us, p99 below 1000 us: {verdict}");

@@ -147,8 +147,16 @@ pub enum Channel {
 
 impl Channel {
     /// All of them.
-    pub const ALL: [Self; 8] =
-        [Self::Scene, Self::Observation, Self::Prediction, Self::Plan, Self::Record, Self::Event, Self::End, Self::Recorded];
+    pub const ALL: [Self; 8] = [
+        Self::Scene,
+        Self::Observation,
+        Self::Prediction,
+        Self::Plan,
+        Self::Record,
+        Self::Event,
+        Self::End,
+        Self::Recorded,
+    ];
 
     /// Its name in keys.
     #[must_use]
@@ -341,7 +349,15 @@ mod tests {
 
     #[test]
     fn foreign_keys_are_nobodys() {
-        for key in ["", "reloop", "reloop/r/w0/s", "reloop/r/w0/s/plan/x", "other/r/w0/s/plan", "reloop/r/w0/s/poem", "reloop/r/w0//plan"] {
+        for key in [
+            "",
+            "reloop",
+            "reloop/r/w0/s",
+            "reloop/r/w0/s/plan/x",
+            "other/r/w0/s/plan",
+            "reloop/r/w0/s/poem",
+            "reloop/r/w0//plan",
+        ] {
             assert_eq!(Address::parse(key), None, "{key}");
         }
         for key in ["reloop/r/@node/planner/w0/n/x", "reloop/r/@node/cook/w0/n/1", "reloop/r/node/planner/w0/n/1"] {
@@ -363,7 +379,8 @@ mod tests {
         let matches = |selector: &str, key: &str| {
             KeyExpr::try_from(selector).unwrap().intersects(&KeyExpr::try_from(key).unwrap())
         };
-        let address = Address { worker: Worker::numbered(0), scene: SceneId::new("s").unwrap(), channel: Channel::Plan };
+        let address =
+            Address { worker: Worker::numbered(0), scene: SceneId::new("s").unwrap(), channel: Channel::Plan };
         let node = NodeId::new(Role::Sim, Workers::All, "sim").unwrap();
         assert!(matches(&channel(&run(), &Workers::All, Channel::Plan), &address.key(&run())));
         assert!(!matches(&channel(&run(), &Workers::One(Worker::numbered(1)), Channel::Plan), &address.key(&run())));

@@ -31,7 +31,9 @@ mod tests {
     fn the_descriptor_set_names_every_message() {
         let text = String::from_utf8_lossy(super::FILE_DESCRIPTOR_SET);
         assert!(text.contains("reloop.v1"));
-        for name in ["Scene", "Observation", "Prediction", "Plan", "StepRecord", "Event", "EpisodeEnd", "RunInfo", "Recorded"] {
+        for name in
+            ["Scene", "Observation", "Prediction", "Plan", "StepRecord", "Event", "EpisodeEnd", "RunInfo", "Recorded"]
+        {
             assert!(text.contains(name), "{name}");
         }
     }

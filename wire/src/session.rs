@@ -31,7 +31,9 @@ const PORT_ATTEMPTS: usize = 16;
 #[derive(Debug, Error)]
 pub enum SessionError {
     /// The router could not listen.
-    #[error("cannot listen on {endpoint}: {reason}\n  hint: leave the endpoint out, and a free port of this machine is taken")]
+    #[error(
+        "cannot listen on {endpoint}: {reason}\n  hint: leave the endpoint out, and a free port of this machine is taken"
+    )]
     Listen {
         /// Where.
         endpoint: String,
@@ -39,7 +41,9 @@ pub enum SessionError {
         reason: String,
     },
     /// No simulator was found.
-    #[error("cannot reach a simulator at {endpoint}: {reason}\n  hint: the endpoint is in the log of `sim run`; is the run still on?")]
+    #[error(
+        "cannot reach a simulator at {endpoint}: {reason}\n  hint: the endpoint is in the log of `sim run`; is the run still on?"
+    )]
     Connect {
         /// Where.
         endpoint: String,

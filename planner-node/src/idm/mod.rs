@@ -18,11 +18,15 @@ mod steering;
 use wire::node::{Planner, PlannerFactory, StepInput};
 use world::observation::Briefing;
 use world::plan::{Control, Diagnostics, PLAN_STEPS, PlanState, STEP_SECONDS, UncheckedPlan};
+use world::scene::AgentState;
 use world::vehicle::{BicycleModel, Limits, VehicleState};
 
 use corridor::Corridor;
 use obstacles::Obstacle;
 use speed::DesiredSpeed;
+
+/// A deceleration below this (m/s^2) is not worth a word.
+const NOTICEABLE: f64 = 0.1;
 
 /// The planner `idm`.
 pub struct Idm;
@@ -39,14 +43,15 @@ impl PlannerFactory for Idm {
 impl Planner for Idm {
     fn plan(&mut self, step: &StepInput<'_>) -> Result<UncheckedPlan, String> {
         let StepInput { briefing, observation, .. } = step;
-        let corridor = Corridor::new(&observation.window).ok_or("the window of the reference line has less than two samples")?;
+        let corridor =
+            Corridor::new(&observation.window).ok_or("the window of the reference line has less than two samples")?;
         let av = &observation.av;
         let obstacles = obstacles::in_the_way(&corridor, briefing, observation);
         let desired = DesiredSpeed::new(&corridor);
 
         let model = BicycleModel::new(briefing.wheelbase);
         let mut state = VehicleState { x: av.x, y: av.y, heading: av.heading, speed: av.speed() };
-        let mut wheel = observation.control.steering;
+        let mut driven = observation.control;
         let mut hint = corridor.nearest(av.position());
         let mut plan = UncheckedPlan { step: observation.step, ..Default::default() };
         for k in 0..PLAN_STEPS {
@@ -54,25 +59,27 @@ impl Planner for Idm {
             hint = place.sample;
             let front = place.station + 0.5 * av.length;
             let ahead = |o: &Obstacle| (o.station_after(k as f64 * STEP_SECONDS) - front, o.speed);
+            let acceleration = speed::acceleration(state.speed, desired.at(place.sample), obstacles.iter().map(ahead));
             let wanted = Control {
-                acceleration: speed::acceleration(state.speed, desired.at(place.sample), obstacles.iter().map(ahead)),
+                acceleration: speed::smooth(driven.acceleration, acceleration),
                 steering: steering::angle(&corridor, &place, &state, briefing.wheelbase),
             };
-            let control = Limits::STRICT.apply(wanted, wheel, STEP_SECONDS);
-            wheel = control.steering;
-            state = model.step(state, control, STEP_SECONDS);
-            plan.controls.push(control);
+            driven = Limits::STRICT.apply(wanted, driven.steering, STEP_SECONDS);
+            state = model.step(state, driven, STEP_SECONDS);
+            plan.controls.push(driven);
             plan.states.push(PlanState { x: state.x, y: state.y, heading: state.heading, speed: state.speed });
         }
-        plan.diagnostics = Diagnostics { status: status(&obstacles), ..Default::default() };
+        plan.diagnostics = Diagnostics { status: status(&corridor, av, &obstacles), ..Default::default() };
         Ok(plan)
     }
 }
 
-/// What is nearest, for whoever watches.
-fn status(obstacles: &[Obstacle]) -> String {
-    let nearest = obstacles.iter().min_by(|a, b| a.station.total_cmp(&b.station));
-    nearest.map_or_else(|| "free".to_owned(), |obstacle| obstacle.what.to_string())
+/// What holds the AV back most, for whoever watches.
+fn status(corridor: &Corridor<'_>, av: &AgentState, obstacles: &[Obstacle]) -> String {
+    let front = corridor.project(av.position(), corridor.nearest(av.position())).station + 0.5 * av.length;
+    let hold = |o: &Obstacle| speed::interaction(av.speed(), o.station - front, o.speed);
+    let most = obstacles.iter().max_by(|a, b| hold(a).total_cmp(&hold(b)));
+    most.filter(|o| hold(o) > NOTICEABLE).map_or_else(|| "free".to_owned(), |o| o.what.to_string())
 }
 
 #[cfg(test)]

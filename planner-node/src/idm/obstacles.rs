@@ -96,7 +96,8 @@ pub fn in_the_way(corridor: &Corridor<'_>, briefing: &Briefing, observation: &Ob
         half_width: 0.5 * state.width,
         speed: state.speed(),
     };
-    let mut obstacles: Vec<Obstacle> = observation.agents.iter().filter_map(|agent| of_agent(corridor, &av, agent)).collect();
+    let mut obstacles: Vec<Obstacle> =
+        observation.agents.iter().filter_map(|agent| of_agent(corridor, &av, agent)).collect();
     obstacles.extend(red_light(corridor, &av));
     obstacles.extend(line_end(corridor, briefing));
     obstacles
@@ -114,7 +115,11 @@ fn of_agent(corridor: &Corridor<'_>, av: &Av, agent: &ObservedAgent) -> Option<O
     let nearest = corridor.footprint(&state.oriented_box());
     let above = state.z - corridor.height(nearest.sample);
     let reach = 2.0 * av.half_width + PROJECTION * if standing { 0.0 } else { state.speed() };
-    if nearest.laterals.0 > reach || nearest.laterals.1 < -reach || nearest.stations.0 >= last || above.abs() > OTHER_LEVEL {
+    if nearest.laterals.0 > reach
+        || nearest.laterals.1 < -reach
+        || nearest.stations.0 >= last
+        || above.abs() > OTHER_LEVEL
+    {
         return None;
     }
     if blocks(av, &nearest, margin) {

@@ -4,6 +4,8 @@
 //! decel_max 3.0 m/s^2); the standstill gap of 2 m and the exponent 4 are Treiber's. nuPlan accelerates with 1.0 m/s^2;
 //! 1.5 is nearer to the mean of Waymo's drivers, who would else leave it far behind.
 
+use world::plan::STEP_SECONDS;
+
 use super::corridor::Corridor;
 
 /// Time headway to the leader (s).
@@ -14,6 +16,8 @@ pub const STANDSTILL_GAP: f64 = 2.0;
 pub const ACCELERATION: f64 = 1.5;
 /// Comfortable deceleration (m/s^2).
 pub const DECELERATION: f64 = 3.0;
+/// Braking for one that pulls away (m/s^2).
+const COMFORTABLE_BRAKING: f64 = 1.0;
 /// Hardest braking (m/s^2): the vehicle's own.
 pub const HARDEST_BRAKING: f64 = 5.0;
 /// Treiber's exponent of the free-road term.
@@ -27,6 +31,8 @@ const LATERAL_ACCELERATION: f64 = 2.5;
 const ANTICIPATION: f64 = 1.5;
 /// What is too fast for the line goes in this time (s).
 const SPEED_SETTLING: f64 = 1.0;
+/// Fastest change of acceleration (m/s^3) while braking is comfortable: nuPlan's bound for comfort is 4.13.
+const JERK: f64 = 4.0;
 /// Slowest that a curve asks for (m/s): the line's kinks are no curves.
 const SLOWEST_CURVE: f64 = 2.0;
 
@@ -85,16 +91,29 @@ pub fn acceleration(speed: f64, wanted: Wanted, leaders: impl Iterator<Item = (f
     let tracking = (desired - speed) / SPEED_SETTLING - wanted.braking;
     let road = free.max(-DECELERATION).min(tracking).max(-DECELERATION);
     let interaction = leaders.map(|(gap, leader)| interaction(speed, gap, leader)).fold(0.0, f64::max);
-    (road - interaction).max(-HARDEST_BRAKING)
+    // No harder than to a stop: what is asked for beyond that would have to be taken back first.
+    (road - interaction).max(-HARDEST_BRAKING).max(-speed / STEP_SECONDS)
+}
+
+/// The acceleration that follows `previous` where `wanted` is: a comfortable change, unless the brakes are needed.
+pub fn smooth(previous: f64, wanted: f64) -> f64 {
+    let change = JERK * STEP_SECONDS;
+    if wanted < -DECELERATION {
+        return wanted;
+    }
+    let previous = previous.max(-DECELERATION);
+    wanted.clamp(previous - change, previous + change)
 }
 
 /// How much one leader takes off (m/s^2).
-fn interaction(speed: f64, gap: f64, leader: f64) -> f64 {
+pub fn interaction(speed: f64, gap: f64, leader: f64) -> f64 {
     let approach = speed * (speed - leader) / (2.0 * (ACCELERATION * DECELERATION).sqrt());
     let wanted = STANDSTILL_GAP + (speed * HEADWAY + approach).max(0.0);
     // Closer than a hand's breadth is all the same: brake as hard as can be.
     let ratio = wanted / gap.max(0.1);
-    ACCELERATION * ratio * ratio
+    let interaction = ACCELERATION * ratio * ratio;
+    // A faster one drives away: it is let go ahead, but nobody brakes hard for it. (It may just have been replayed through us.)
+    if leader > speed { interaction.min(ACCELERATION + COMFORTABLE_BRAKING) } else { interaction }
 }
 
 #[cfg(test)]

@@ -19,8 +19,8 @@ fn line(curvature: f64, samples: usize) -> Arc<ReferenceLine> {
         line.y.push(y);
         line.heading.push(heading);
         line.curvature.push(here);
-        x += 0.1 * heading.cos();
-        y += 0.1 * heading.sin();
+        x += 0.1 * libm::cos(heading);
+        y += 0.1 * libm::sin(heading);
         heading += 0.1 * here;
     }
     line.z = vec![0.0; samples];
@@ -34,8 +34,8 @@ fn car(x: f64, y: f64, heading: f64, speed: f64) -> AgentState {
         x,
         y,
         heading,
-        velocity_x: speed * heading.cos(),
-        velocity_y: speed * heading.sin(),
+        velocity_x: speed * libm::cos(heading),
+        velocity_y: speed * libm::sin(heading),
         length: 4.8,
         width: 2.0,
         height: 1.6,
@@ -49,7 +49,7 @@ struct Drive {
     av: AgentState,
     agents: Vec<AgentState>,
     red_at: Option<f64>,
-    wheel: f64,
+    control: Control,
 }
 
 impl Drive {
@@ -65,7 +65,7 @@ impl Drive {
             reference_line: line,
             history: vec![],
         };
-        Self { briefing, av, agents: vec![], red_at: None, wheel: 0.0 }
+        Self { briefing, av, agents: vec![], red_at: None, control: Control::default() }
     }
 
     fn step(&mut self, step: u32) -> UncheckedPlan {
@@ -88,7 +88,7 @@ impl Drive {
             step,
             log_index: step,
             av: self.av,
-            control: Control { acceleration: 0.0, steering: self.wheel },
+            control: self.control,
             agents: agents
                 .map(|(i, state)| ObservedAgent { track: TrackId(i as i32), kind: AgentKind::Vehicle, state: *state })
                 .collect(),
@@ -96,13 +96,14 @@ impl Drive {
             window,
         };
         let history = History::new(&self.briefing);
-        let input = StepInput { briefing: &self.briefing, observation: &observation, history: &history, prediction: None };
+        let input =
+            StepInput { briefing: &self.briefing, observation: &observation, history: &history, prediction: None };
         let plan = Idm.plan(&input).unwrap();
         plan.clone().check(step).unwrap();
 
         let state = VehicleState { x: self.av.x, y: self.av.y, heading: self.av.heading, speed: self.av.speed() };
         let next = BicycleModel::new(3.089).step(state, plan.controls[0], 0.1);
-        self.wheel = plan.controls[0].steering;
+        self.control = plan.controls[0];
         self.av = AgentState { length: 4.8, width: 2.0, ..car(next.x, next.y, next.heading, next.speed) };
         for agent in &mut self.agents {
             agent.x += 0.1 * agent.velocity_x;
@@ -142,7 +143,7 @@ fn a_curve_is_taken_on_the_line_and_slowly_enough() {
         drive.step(step);
         if drive.av.x > 52.0 {
             fastest = fastest.max(drive.av.speed());
-            let off = (drive.av.x - 50.0).hypot(drive.av.y - radius) - radius;
+            let off = libm::hypot(drive.av.x - 50.0, drive.av.y - radius) - radius;
             assert!(off.abs() < 0.5, "{off} m beside the line at step {step}");
         }
     }

@@ -30,6 +30,7 @@ fn a_name_that_cannot_be() {
 
 #[test]
 fn scenes_that_are_not_there() {
-    let output = call(&["--planner", "human", "--scenarios", "/nowhere", "--endpoint", "tcp/127.0.0.1:1", "--run", "demo"]);
+    let output =
+        call(&["--planner", "human", "--scenarios", "/nowhere", "--endpoint", "tcp/127.0.0.1:1", "--run", "demo"]);
     assert!(output.starts_with("exit 2\nerror: cannot open the scenes"), "{output}");
 }

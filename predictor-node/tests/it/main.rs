@@ -1,5 +1,7 @@
 //! The built binary, driven from outside: what it prints. These texts are part of the product.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test says what failed by failing")]
+
 use std::process::Command;
 
 /// Exit code, standard output and standard error of a call.

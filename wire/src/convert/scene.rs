@@ -11,7 +11,8 @@ use world::scene::SceneId;
 use super::agents::{agent, agent_state};
 use super::map::map;
 use super::{
-    Checked, FieldError, Message, MessageError, Problem, Within, all_finite, bounded, each, not_negative, required, same_length,
+    Checked, FieldError, Message, MessageError, Problem, Within, all_finite, bounded, each, not_negative, required,
+    same_length,
 };
 use crate::{WIRE_VERSION, proto};
 

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use prost::Message as _;
 use proptest::collection::vec;
 use proptest::prelude::*;
+use prost::Message as _;
 use world::geometry::{Point3, Pose};
 use world::map::*;
 use world::observation::*;
@@ -34,7 +34,8 @@ fn state() -> impl Strategy<Value = AgentState> {
 }
 
 fn agents() -> impl Strategy<Value = Vec<ObservedAgent>> {
-    let kind = prop::sample::select(vec![AgentKind::Vehicle, AgentKind::Pedestrian, AgentKind::Cyclist, AgentKind::Other]);
+    let kind =
+        prop::sample::select(vec![AgentKind::Vehicle, AgentKind::Pedestrian, AgentKind::Cyclist, AgentKind::Other]);
     let agent = (any::<i32>(), kind, state());
     vec(agent.prop_map(|(track, kind, state)| ObservedAgent { track: TrackId(track), kind, state }), 0..6)
 }

@@ -143,8 +143,10 @@ impl Hub {
         }
 
         // Last: who sees the token may rely on all of the above.
-        let own = NodeId { role: Role::Sim, workers: Workers::All, name: "sim".to_owned(), version: crate::WIRE_VERSION };
-        let token = session.liveliness().declare_token(own.key(run)).wait().map_err(SessionError::bus("declare the token"))?;
+        let own =
+            NodeId { role: Role::Sim, workers: Workers::All, name: "sim".to_owned(), version: crate::WIRE_VERSION };
+        let token =
+            session.liveliness().declare_token(own.key(run)).wait().map_err(SessionError::bus("declare the token"))?;
         Ok(Self { shared, endpoint, _token: token, _subscribers: subscribers, _queryables: queryables })
     }
 
@@ -202,7 +204,12 @@ impl Hub {
     ///
     /// # Errors
     /// [`LineError::Busy`] where this episode is already open on this worker.
-    pub fn episode(&self, worker: &Worker, scene: &SceneId, expects_prediction: bool) -> Result<EpisodeLine, LineError> {
+    pub fn episode(
+        &self,
+        worker: &Worker,
+        scene: &SceneId,
+        expects_prediction: bool,
+    ) -> Result<EpisodeLine, LineError> {
         EpisodeLine::open(&self.shared, worker, scene, expects_prediction)
     }
 

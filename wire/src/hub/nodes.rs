@@ -46,7 +46,9 @@ impl fmt::Display for Wanted {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum BarrierError {
     /// A node is of another build.
-    #[error("{node} speaks version {theirs} of the messages, this simulator version {ours}\n  hint: build both from the same revision")]
+    #[error(
+        "{node} speaks version {theirs} of the messages, this simulator version {ours}\n  hint: build both from the same revision"
+    )]
     WrongVersion {
         /// Who.
         node: String,

@@ -157,7 +157,10 @@ fn a_lying_planner_is_passed_on_to_be_judged() {
     };
     assert_eq!(step_with(not_a_number).unwrap().check(0).unwrap_err().to_string(), "state 3 is not finite");
     let other_step = |step: &StepInput<'_>| Ok(UncheckedPlan { step: 7, ..whole(step)? });
-    assert_eq!(step_with(other_step).unwrap().check(0).unwrap_err().to_string(), "it answers step 7, but step 0 was asked for");
+    assert_eq!(
+        step_with(other_step).unwrap().check(0).unwrap_err().to_string(),
+        "it answers step 7, but step 0 was asked for"
+    );
     let too_short = |step: &StepInput<'_>| Ok(UncheckedPlan { states: vec![], ..whole(step)? });
     assert_eq!(step_with(too_short).unwrap().check(0).unwrap_err().to_string(), "it has 0 states, but 50 are needed");
 }
@@ -214,7 +217,8 @@ fn noise_instead_of_a_plan_is_refused() {
     let (session, _token) = rogue(&hub, crate::WIRE_VERSION);
     wait(&hub, Role::Planner);
     let mut line = line(&hub, false);
-    let key = Address { worker: Worker::numbered(0), scene: SceneId::new("s").unwrap(), channel: Channel::Plan }.key(hub.run());
+    let key = Address { worker: Worker::numbered(0), scene: SceneId::new("s").unwrap(), channel: Channel::Plan }
+        .key(hub.run());
     session::send(&session, &key, vec![0xff; 30]).unwrap();
     let error = line.step(&observation(0), DEADLINE).unwrap_err();
     assert!(matches!(error, LineError::BadAnswer { error: MessageError::Malformed { .. }, .. }), "{error}");
@@ -284,7 +288,8 @@ fn a_recording_is_compared_with_what_was_sent() {
     let mut line = line(&hub, false);
     line.publish_record(&Default::default());
     line.publish_end(Default::default()).unwrap();
-    let key = Address { worker: Worker::numbered(0), scene: SceneId::new("s").unwrap(), channel: Channel::Recorded }.key(hub.run());
+    let key = Address { worker: Worker::numbered(0), scene: SceneId::new("s").unwrap(), channel: Channel::Recorded }
+        .key(hub.run());
     let recorded = |records| proto::Recorded { records, ..Default::default() }.encode_to_vec();
     session::send(&session, &key, recorded(1)).unwrap();
     line.await_recorded(DEADLINE).unwrap();

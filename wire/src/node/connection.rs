@@ -67,7 +67,9 @@ pub enum NodeError {
         endpoint: String,
     },
     /// The simulator is of another build.
-    #[error("the simulator speaks version {theirs} of the messages, this node version {ours}\n  hint: build both from the same revision")]
+    #[error(
+        "the simulator speaks version {theirs} of the messages, this node version {ours}\n  hint: build both from the same revision"
+    )]
     WrongVersion {
         /// Its version.
         theirs: u32,
@@ -184,7 +186,8 @@ impl Connection {
     fn wait(&self, notices: &Receiver<Notice>) -> Result<Stop, NodeError> {
         let Options { run, endpoint, .. } = &self.options;
         let first = notices.recv_timeout(RUN_TIMEOUT);
-        let mut next = first.map_err(|_: RecvTimeoutError| NodeError::NoRun { run: run.clone(), endpoint: endpoint.clone() });
+        let mut next =
+            first.map_err(|_: RecvTimeoutError| NodeError::NoRun { run: run.clone(), endpoint: endpoint.clone() });
         loop {
             match next? {
                 Notice::Stop(stop) => return Ok(stop),

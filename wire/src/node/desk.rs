@@ -92,7 +92,7 @@ impl Desk {
     }
 
     fn predicted(&mut self, address: &Address, bytes: &[u8]) -> Option<(Channel, Vec<u8>)> {
-        let Some(episode) = self.episode.as_mut().filter(|episode| episode.scene == address.scene) else { return None };
+        let episode = self.episode.as_mut().filter(|episode| episode.scene == address.scene)?;
         let prediction = decode::<proto::Prediction>(bytes).and_then(UncheckedPrediction::try_from);
         match prediction.map_err(|e| e.to_string()).and_then(checked) {
             Ok(prediction) => {
@@ -150,7 +150,10 @@ impl Desk {
 fn briefing(bytes: &[u8]) -> Result<Briefing, String> {
     let scene = decode::<proto::Scene>(bytes).map_err(|e| e.to_string())?;
     if scene.wire_version != WIRE_VERSION {
-        return Err(format!("the simulator speaks version {} of the messages, this node version {WIRE_VERSION}", scene.wire_version));
+        return Err(format!(
+            "the simulator speaks version {} of the messages, this node version {WIRE_VERSION}",
+            scene.wire_version
+        ));
     }
     Briefing::try_from(scene).map_err(|e: MessageError| e.to_string())
 }
@@ -174,9 +177,9 @@ fn checked(prediction: UncheckedPrediction) -> Result<Prediction, String> {
 #[cfg(test)]
 pub(crate) mod tests {
     use prost::Message as _;
+    use world::observation::{HistoryStep, ObservedAgent};
     use world::plan::UncheckedPlan;
     use world::reference_line::{ReferenceLine, ReferenceWindow};
-    use world::observation::{HistoryStep, ObservedAgent};
     use world::scene::{AgentKind, AgentState, TrackId};
 
     use super::super::{Planner, PlannerFactory, Planners};

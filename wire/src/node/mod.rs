@@ -179,7 +179,12 @@ impl Desks {
         let mut queues = self.queues.lock().unwrap_or_else(PoisonError::into_inner);
         let queue = queues.entry(address.worker.clone()).or_insert_with(|| self.start_thread());
         if let Err(TrySendError::Full((address, _))) = queue.try_send((address, payload)) {
-            tracing::error!("{} messages wait unread: {} of {} is dropped", QUEUE, address.channel.name(), address.scene);
+            tracing::error!(
+                "{} messages wait unread: {} of {} is dropped",
+                QUEUE,
+                address.channel.name(),
+                address.scene
+            );
         }
     }
 

@@ -32,7 +32,13 @@ impl Planner for Empty {
 }
 
 fn options(endpoint: &str, worker: Workers) -> Options {
-    Options { endpoint: endpoint.to_owned(), run: "stalled".parse().unwrap(), worker, name: None, exit_with_parent: false }
+    Options {
+        endpoint: endpoint.to_owned(),
+        run: "stalled".parse().unwrap(),
+        worker,
+        name: None,
+        exit_with_parent: false,
+    }
 }
 
 /// Not a test: the other process. It hears everything, like a recorder.
@@ -105,7 +111,14 @@ fn a_stopped_recorder_makes_no_drive_miss_a_deadline() {
     assert!(stopped.success());
 
     let slowest = std::thread::scope(|scope| {
-        let drives: Vec<_> = (0..WORKERS).map(|number| scope.spawn({ let hub = &hub; move || drive(hub, number) })).collect();
+        let drives: Vec<_> = (0..WORKERS)
+            .map(|number| {
+                scope.spawn({
+                    let hub = &hub;
+                    move || drive(hub, number)
+                })
+            })
+            .collect();
         drives.into_iter().map(|drive| drive.join().unwrap()).max().unwrap()
     });
     assert!(slowest < DEADLINE, "a step took {slowest:?}");
