@@ -1,4 +1,5 @@
-//! The logged humans of real scenes, judged by the rules for planners. Skipped where the scenes are not there.
+//! The logged drivers of real scenes and of the demo set, judged by the rules for planners. Real scenes are skipped where they
+//! are not there.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test may panic, and prints its table")]
 
@@ -66,6 +67,18 @@ fn the_human_has_no_fault_that_counts_and_no_position_error() {
         }
         let error = metric(&outcome, "position_error_5s_m").unwrap();
         assert!(error == 0.0, "{}: {error} m", scene.id());
+    }
+}
+
+#[test]
+fn the_drivers_of_the_demo_set_have_no_fault_at_all() {
+    let set = SceneSet::open(&[]).unwrap();
+    for index in 0..set.entries().len() {
+        let scene = set.load(index).unwrap().0;
+        let outcome = replay(&scene, Motion::Playback);
+        describe(&scene, &outcome);
+        assert_eq!(outcome.events, vec![], "{}", scene.id());
+        assert_eq!(metric(&outcome, "position_error_5s_m"), Some(0.0), "{}", scene.id());
     }
 }
 
