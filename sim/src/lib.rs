@@ -15,9 +15,22 @@
 //! | [`tracker`] | from a plan's states to the control that is driven |
 //! | [`judges`] | what is wrong at a step: collision, route, road, signals, direction, speed |
 //! | [`metrics`] | what a drive was worth, by name and unit |
+//! | [`cli`], [`settings`], [`drivers`] | what can be typed, what is meant, who can drive |
+//! | [`run`] | many episodes: workers, nodes, the run's folder |
+//! | [`results`] | what a run leaves |
+//! | [`summary`], [`table`] | runs in a line each |
 
+pub mod cli;
+pub mod drivers;
 pub mod episode;
+pub mod files;
 pub mod judges;
 pub mod metrics;
 pub mod protocol;
+pub mod results;
+pub mod run;
+pub mod settings;
+pub mod summary;
+pub mod table;
 pub mod tracker;
+pub mod version;

@@ -28,6 +28,17 @@ impl Protocol {
         }
     }
 
+    /// How the AV follows its plan, as tables name it.
+    #[must_use]
+    pub fn motion_name(&self) -> &'static str {
+        match self {
+            Self::Strict(settings) => match settings.motion {
+                Motion::Bicycle => "bicycle",
+                Motion::Playback => "playback",
+            },
+        }
+    }
+
     /// # Errors
     /// [`SettingError`] names the first setting that makes no sense.
     pub fn check(&self) -> Result<(), SettingError> {

@@ -1,0 +1,199 @@
+//! What can be typed. What it means is decided in [`crate::settings`].
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Drives an autonomous vehicle through logged traffic in closed loop, and tells how well it drove.
+#[derive(Debug, Parser)]
+#[command(name = "sim", version = crate::version::LONG, about, arg_required_else_help = true, max_term_width = 110)]
+pub struct Cli {
+    /// Say more on standard error; twice for everything
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub verbose: u8,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Drive scenes and write a run folder
+    Run(Box<RunArgs>),
+    /// Print the tables of finished runs
+    Table(TableArgs),
+}
+
+/// `sim run`.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// Scenes: WOMD TFRecord files, folders, globs, or a scene-set TOML [default: the built-in demo set]
+    #[arg(long, value_name = "PATH", num_args = 1.., help_heading = "What to drive")]
+    pub scenarios: Vec<String>,
+
+    /// Who drives
+    #[arg(long, value_name = "NAME", default_value = "idm", value_parser = crate::drivers::names(),
+          conflicts_with_all = ["planner", "planner_command"], help_heading = "What to drive")]
+    pub driver: String,
+
+    /// Where predictions come from [default: what the driver wants]
+    #[arg(long, value_name = "NAME", help_heading = "What to drive")]
+    pub predictor: Option<Predictor>,
+
+    /// A planner of your own: a shell command; the arguments of a node are appended to it
+    #[arg(long, value_name = "COMMAND", conflicts_with = "planner", help_heading = "What to drive")]
+    pub planner_command: Option<String>,
+
+    /// A planner that you start yourself, with --worker '*' and the endpoint and run that the sim prints
+    #[arg(long, value_name = "WHICH", help_heading = "What to drive")]
+    pub planner: Option<Planner>,
+
+    /// What tables call the driver [default: its name]
+    #[arg(long, value_name = "NAME", help_heading = "What to drive")]
+    pub label: Option<String>,
+
+    /// The rules of an episode
+    #[arg(long, value_enum, default_value_t = ProtocolName::Strict, help_heading = "What to drive")]
+    pub protocol: ProtocolName,
+
+    /// How the AV follows its plan [default: bicycle; playback for the driver `human`]
+    #[arg(long, value_enum, help_heading = "What to drive")]
+    pub motion: Option<MotionName>,
+
+    /// The run's folder [default: runs/DRIVER-PROTOCOL-N]; an unfinished run in it is continued
+    #[arg(long, value_name = "DIR", help_heading = "How to run")]
+    pub out: Option<PathBuf>,
+
+    /// Which episodes to keep a recording of
+    #[arg(long, value_enum, default_value_t = Record::All, help_heading = "How to run")]
+    pub record: Record,
+
+    /// Episodes driven at a time; results do not depend on it [default: the cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256), help_heading = "How to run")]
+    pub parallel: Option<u16>,
+
+    /// How long an answer may take: 5s, 500ms
+    #[arg(long, value_name = "TIME", default_value = "5s", value_parser = parse_duration, help_heading = "How to run")]
+    pub deadline: Duration,
+
+    /// How long nodes may take to start
+    #[arg(long, value_name = "TIME", default_value = "20s", value_parser = parse_duration, help_heading = "How to run")]
+    pub start_timeout: Duration,
+
+    /// Where to listen for nodes [default: a free port of this machine]
+    #[arg(long, value_name = "tcp/HOST:PORT", help_heading = "How to run")]
+    pub endpoint: Option<String>,
+
+    /// Say on standard error where the time went
+    #[arg(long, help_heading = "How to run")]
+    pub timing: bool,
+}
+
+/// `sim table`.
+#[derive(Debug, Args)]
+pub struct TableArgs {
+    /// Folders of finished runs
+    #[arg(required = true, value_name = "DIR")]
+    pub runs: Vec<PathBuf>,
+    /// How to print
+    #[arg(long, value_enum, default_value_t)]
+    pub format: TableFormat,
+}
+
+/// Predictors that the sim can start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Predictor {
+    /// Nobody predicts
+    None,
+    /// Everybody keeps turn rate and speed
+    Ctrv,
+    /// The log's own future
+    Oracle,
+}
+
+/// Planners that the sim does not start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Planner {
+    /// Started by hand
+    External,
+}
+
+/// Protocols.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ProtocolName {
+    /// What an evaluator should believe
+    Strict,
+}
+
+/// Ways for the AV to follow its plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum MotionName {
+    /// By the kinematic bicycle model
+    Bicycle,
+    /// It is put on the plan's first state
+    Playback,
+}
+
+/// Which episodes are recorded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Record {
+    /// Every one
+    #[default]
+    All,
+    /// Those that end in a collision, off the route or with a failed driver
+    Failures,
+    /// None
+    None,
+}
+
+/// How `sim table` prints.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum TableFormat {
+    /// For the terminal
+    #[default]
+    Text,
+    /// For a page
+    Markdown,
+    /// For a spreadsheet
+    Csv,
+}
+
+/// `5s`, `500ms`, `2m`; above zero.
+fn parse_duration(text: &str) -> Result<Duration, String> {
+    let digits = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+    let (number, unit) = text.split_at(digits);
+    let scale = match unit {
+        "ms" => 1e-3,
+        "s" => 1.0,
+        "m" => 60.0,
+        _ => return Err("write it with its unit: 500ms, 5s or 2m".to_owned()),
+    };
+    let seconds = number.parse::<f64>().map_err(|error| error.to_string())? * scale;
+    if !(1e-3..=86_400.0).contains(&seconds) {
+        return Err("it must lie between 1ms and a day".to_owned());
+    }
+    Ok(Duration::from_secs_f64(seconds))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        <Cli as clap::CommandFactory>::command().debug_assert();
+    }
+
+    #[test]
+    fn durations_need_a_unit_and_a_sensible_size() {
+        assert_eq!(parse_duration("500ms"), Ok(Duration::from_millis(500)));
+        assert_eq!(parse_duration("1.5s"), Ok(Duration::from_millis(1500)));
+        assert_eq!(parse_duration("2m"), Ok(Duration::from_secs(120)));
+        for bad in ["5", "0s", "s", "-1s", "1e9s", "5 s", "1..2s", ""] {
+            assert!(parse_duration(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! Files, with the path in every error, and whole under their final name or not there at all.
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+/// Something could not be done with a file.
+#[derive(Debug, Error)]
+#[error("cannot {doing} {}: {source}", path.display())]
+pub struct FileError {
+    /// What was being done.
+    pub doing: &'static str,
+    /// With which file or folder.
+    pub path: PathBuf,
+    /// Why not.
+    pub source: io::Error,
+}
+
+/// Puts the path into an error.
+pub fn at<'p>(doing: &'static str, path: &'p Path) -> impl FnOnce(io::Error) -> FileError + 'p {
+    move |source| FileError { doing, path: path.to_owned(), source }
+}
+
+/// The bytes of a file; `None` if there is none.
+///
+/// # Errors
+/// [`FileError`] when it is there and cannot be read.
+pub fn read(path: &Path) -> Result<Option<Vec<u8>>, FileError> {
+    match fs::read(path) {
+        Ok(bytes) => Ok(Some(bytes)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(at("read", path)(error)),
+    }
+}
+
+/// Writes a file so that after a crash there is all of it or nothing: `.partial`, fsync, rename, fsync of the folder.
+///
+/// # Errors
+/// [`FileError`].
+pub fn write_whole(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> Result<(), FileError> {
+    let partial = partial_name(path);
+    let mut file = File::create(&partial).map_err(at("create", &partial))?;
+    write(&mut file).and_then(|()| file.flush()).map_err(at("write", &partial))?;
+    file.sync_all().map_err(at("write", &partial))?;
+    drop(file);
+    fs::rename(&partial, path).map_err(at("rename", &partial))?;
+    path.parent().map_or(Ok(()), sync_folder)
+}
+
+/// Makes the names in a folder survive a crash.
+fn sync_folder(folder: &Path) -> Result<(), FileError> {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    File::open(folder).and_then(|file| file.sync_all()).map_err(at("write", folder))
+}
+
+/// The name that a file has until it is whole.
+fn partial_name(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".partial");
+    PathBuf::from(name)
+}

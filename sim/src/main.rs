@@ -1,0 +1,85 @@
+//! `sim`: drives an autonomous vehicle through logged traffic, and tells how well it drove.
+//!
+//! Results go to standard output, everything else to standard error. Exit codes: 0 done; 1 done, with episodes that failed or
+//! are not recorded whole; 2 usage or unusable input; 130 interrupted.
+
+use std::io::{self, Write};
+use std::num::NonZero;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::thread;
+
+use clap::Parser;
+use sim::cli::{Cli, Command, RunArgs, TableArgs, TableFormat};
+use sim::run::clock::{Clock, WallClock};
+use sim::run::console::Console;
+use sim::run::interrupt::{INTERRUPTED, Interrupts};
+use sim::run::{self, RunError};
+use sim::settings::Request;
+use sim::summary::Summary;
+use sim::{results, table};
+use tracing_subscriber::EnvFilter;
+
+fn main() -> ExitCode {
+    let clock = WallClock::start();
+    let cli = Cli::parse();
+    let console = Console::new();
+    log_to(&console, cli.verbose);
+    let done = match cli.command {
+        Command::Run(arguments) => drive(*arguments, clock, &console),
+        Command::Table(arguments) => print_tables(&arguments),
+    };
+    match done {
+        Ok(code) => code,
+        Err(error) => {
+            console.line(&format!("error: {error}"));
+            match error.downcast_ref() {
+                Some(RunError::Interrupted { .. }) => ExitCode::from(INTERRUPTED as u8),
+                _ => ExitCode::from(2),
+            }
+        }
+    }
+}
+
+/// The log goes to standard error; `RUST_LOG` says of what, else the number of `-v`.
+fn log_to(console: &Console, verbose: u8) {
+    let level = match verbose {
+        0 => "warn",
+        1 => "warn,sim=info,wire=info",
+        2 => "info,sim=debug,wire=debug,scenarios=debug",
+        _ => "debug",
+    };
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(console.clone()).without_time().init();
+}
+
+fn drive(arguments: RunArgs, clock: WallClock, console: &Console) -> anyhow::Result<ExitCode> {
+    let cores = thread::available_parallelism().map_or(1, NonZero::get);
+    let request = Request::resolve(arguments, cores.try_into().unwrap_or(u16::MAX))?;
+    let interrupts = Interrupts::catch()?;
+    let done = run::run(&request, clock, console, &interrupts)?;
+    let summary = Summary::read(&done.folder)?;
+    let clean = summary.failures.is_empty() && summary.broken_recordings.is_empty();
+    print(&table::render(&[summary], TableFormat::Text))?;
+    print(&format!("\nfolder {}\ndigest {}\n", done.folder.display(), results::digest(&done.folder)?))?;
+    if request.timing {
+        console.line(&done.breakdown.lines(clock.now().as_secs_f64()));
+    }
+    Ok(if clean { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+fn print_tables(arguments: &TableArgs) -> anyhow::Result<ExitCode> {
+    let read = |folder: &PathBuf| Summary::read(Path::new(folder));
+    let runs = arguments.runs.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+    print(&table::render(&runs, arguments.format))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints to standard output. Whoever closed it has read enough: no error.
+fn print(text: &str) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        written => written,
+    }
+}

@@ -1,0 +1,269 @@
+//! A run: many episodes under one driver and protocol, in one folder.
+//!
+//! ```text
+//!                 ┌─ worker w0 ── planner, predictor ─┐
+//! Core ─ orders ─▶├─ worker w1 ── planner, predictor ─┼─ events ─▶ Core        parts/<scene> as each episode ends,
+//!                 └─ recorder ────────────────────────┘                        the Parquet files when all have
+//! ```
+//!
+//! | module | what |
+//! | --- | --- |
+//! | [`core`] | what follows from what happened: pure |
+//! | [`worker`], [`recorder`] | the threads that do it |
+//! | [`drive`], [`bus`] | one episode, and its driver on the bus |
+//! | [`process`], [`console`], [`interrupt`], [`clock`] | nodes, standard error, Ctrl-C, time |
+//! | [`folder`] | the run's folder |
+//! | [`timing`] | where the time went |
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use scenarios::{SceneSet, SetError};
+use thiserror::Error;
+use wire::hub::{Hub, HubSettings};
+use wire::keys::KeyError;
+use wire::proto::RunInfo;
+use wire::session::SessionError;
+
+use self::clock::{Clock, WallClock};
+use self::console::Console;
+use self::core::{Core, Effects, Ending, Event};
+use self::folder::{Folder, FolderError, Opened};
+use self::interrupt::Interrupts;
+use self::timing::Breakdown;
+use self::worker::{Order, Shared};
+use crate::cli::Record;
+use crate::files::FileError;
+use crate::results::{self, parquet::ParquetError};
+use crate::settings::{Build, Planner, Request, RunFile, SceneLine};
+
+pub mod bus;
+pub mod clock;
+pub mod console;
+pub mod core;
+#[cfg(test)]
+mod core_tests;
+pub mod drive;
+pub mod folder;
+pub mod interrupt;
+pub mod process;
+pub mod recorder;
+pub mod timing;
+pub mod worker;
+
+/// How long a run waits for its threads at the end, before it leaves them to the end of the program.
+const PATIENCE: Duration = Duration::from_secs(8);
+
+/// A run that could not be driven to its end.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum RunError {
+    #[error(transparent)]
+    Scenes(#[from] SetError),
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    #[error(transparent)]
+    File(#[from] FileError),
+    #[error(transparent)]
+    Bus(#[from] SessionError),
+    #[error(transparent)]
+    Name(#[from] KeyError),
+    #[error(transparent)]
+    Results(#[from] ParquetError),
+    #[error("{reason}\nnote: {done} of {scenes} episodes are done; the same command continues the run in {}", folder.display())]
+    Broken { reason: String, done: usize, scenes: usize, folder: PathBuf },
+    #[error("interrupted: {done} of {scenes} episodes are done; the same command continues the run in {}", folder.display())]
+    Interrupted { done: usize, scenes: usize, folder: PathBuf },
+}
+
+/// A complete run.
+#[derive(Debug)]
+pub struct Done {
+    /// Its folder.
+    pub folder: PathBuf,
+    /// Where the time went that it took now.
+    pub breakdown: Breakdown,
+}
+
+/// Drives `request`, or continues it.
+///
+/// # Errors
+/// [`RunError`] where it is not complete; what is done is kept.
+pub fn run(request: &Request, clock: WallClock, console: &Console, interrupts: &Interrupts) -> Result<Done, RunError> {
+    let scenes = SceneSet::open(&request.machine.scenarios)?;
+    let line = |entry: &scenarios::SceneEntry| SceneLine { id: entry.id.to_string(), sha256: entry.sha256.clone() };
+    let file = RunFile {
+        settings: request.settings.clone(),
+        build: Build::this(),
+        machine: request.machine.clone(),
+        scenes: scenes.entries().iter().map(line).collect(),
+    };
+    let opened = match &request.out {
+        Some(path) => Folder::open(path, &file)?,
+        None => Folder::choose(Path::new(folder::RUNS), &file)?,
+    };
+    let folder = match opened {
+        Opened::Finished(folder) => {
+            console.line(&format!("{} is finished already: nothing was driven", folder.path().display()));
+            return Ok(Done { folder: folder.path().to_owned(), breakdown: Breakdown::default() });
+        }
+        Opened::New(folder) | Opened::Unfinished(folder) => folder,
+    };
+    let mut pending = Vec::new();
+    for (index, scene) in file.scenes.iter().enumerate() {
+        if folder.part(&scene.id)?.is_none() {
+            pending.push(index);
+        }
+    }
+    let (total, path) = (file.scenes.len(), folder.path().to_owned());
+    if pending.len() < total {
+        console.line(&format!(
+            "{}: {} of {total} episodes are done, the others follow",
+            path.display(),
+            total - pending.len()
+        ));
+    }
+    let hub = open_bus(&file, console)?;
+    let shared = Arc::new(Shared {
+        scenes,
+        file,
+        folder,
+        hub,
+        clock,
+        console: console.clone(),
+        groups: interrupts.nodes().clone(),
+        stop: AtomicBool::new(false),
+    });
+    let ending = drive_all(&shared, pending.clone(), interrupts);
+    console.end();
+    let part = |scene: &SceneLine| shared.folder.part(&scene.id).ok().flatten();
+    let done = || shared.file.scenes.iter().filter_map(part).count();
+    match ending {
+        Ending::Complete => {}
+        Ending::Broken(reason) => return Err(RunError::Broken { reason, done: done(), scenes: total, folder: path }),
+        Ending::Interrupted => return Err(RunError::Interrupted { done: done(), scenes: total, folder: path }),
+    }
+    let mut breakdown = Breakdown::default();
+    pending.iter().filter_map(|index| part(&shared.file.scenes[*index])).for_each(|part| breakdown.add(&part));
+    results::merge(&shared.folder, &shared.file)?;
+    shared.folder.remove_parts()?;
+    Ok(Done { folder: path, breakdown })
+}
+
+/// The bus of a run. Its name says nothing of the folder, so that recordings of the same run are the same anywhere.
+fn open_bus(file: &RunFile, console: &Console) -> Result<Hub, RunError> {
+    let name = format!("{}-{}", file.settings.driver, file.settings.protocol.name());
+    let settings = HubSettings { endpoint: file.machine.endpoint.clone(), deadline: file.settings.deadline() };
+    let hub = Hub::open_with(&name.parse()?, &settings)?;
+    hub.publish_run_info(&RunInfo {
+        wire_version: wire::WIRE_VERSION,
+        run: name,
+        settings: file.to_recorded_toml(),
+        predictor: file.settings.predictor.is_some(),
+    })?;
+    if file.settings.planner == Planner::External {
+        let (endpoint, run) = (hub.endpoint(), hub.run());
+        console.line(&format!("waiting for your planner: --endpoint {endpoint} --run {run} --worker '*'"));
+    }
+    Ok(hub)
+}
+
+/// Drives the scenes of these places. All that was started is gone when it returns.
+fn drive_all(shared: &Arc<Shared>, pending: Vec<usize>, interrupts: &Interrupts) -> Ending {
+    let (sender, events) = sync_channel(256);
+    let total = shared.file.scenes.len();
+    shared.console.begin(total, total - pending.len());
+    let mut core = Core::new(pending, shared.file.machine.parallel.into(), shared.file.settings.record != Record::None);
+    let mut machinery = Machinery::start(shared, core.workers(), &sender, interrupts);
+    interrupts.forward_to(sender);
+    core.start(&mut machinery);
+    let ending = wait_for_ending(&mut core, &mut machinery, &events, &shared.console);
+    // Whoever has something to say now finds nobody listening, and leaves.
+    drop(events);
+    machinery.leave();
+    ending
+}
+
+fn wait_for_ending(core: &mut Core, machinery: &mut Machinery, events: &Receiver<Event>, console: &Console) -> Ending {
+    loop {
+        if let Some(ending) = core.ending() {
+            return ending.clone();
+        }
+        let Ok(event) = events.recv() else { return Ending::Broken("all workers are gone".to_owned()) };
+        if matches!(event, Event::Driven { .. }) {
+            console.advance();
+        }
+        core.on(event, machinery);
+    }
+}
+
+/// The threads, and how they are told.
+struct Machinery {
+    shared: Arc<Shared>,
+    /// To each worker. Capacity 1: a worker has one order at a time, so that sending never waits.
+    workers: Vec<SyncSender<Order>>,
+    /// To the recorder's thread: start it.
+    recorder: Option<SyncSender<()>>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl Machinery {
+    fn start(shared: &Arc<Shared>, workers: usize, events: &SyncSender<Event>, interrupts: &Interrupts) -> Self {
+        let mut threads = Vec::new();
+        let mut orders = Vec::new();
+        for number in 0..workers {
+            let (sender, receiver) = sync_channel(1);
+            let (shared, events) = (Arc::clone(shared), events.clone());
+            threads.push(thread::spawn(move || worker::work(number, &shared, &receiver, &events)));
+            orders.push(sender);
+        }
+        let (recorder, receiver) = sync_channel(1);
+        let (own, events, groups) = (Arc::clone(shared), events.clone(), interrupts.recorder().clone());
+        threads.push(thread::spawn(move || recorder::keep(&own, &groups, &receiver, &events)));
+        Self { shared: Arc::clone(shared), workers: orders, recorder: Some(recorder), threads }
+    }
+
+    /// Waits for the threads; each ends what it started. One that waits for a node which somebody else started may stay.
+    fn leave(mut self) {
+        self.workers.clear();
+        self.recorder = None;
+        let until = self.shared.clock.now() + PATIENCE;
+        for thread in &self.threads {
+            while !thread.is_finished() && self.shared.clock.now() < until {
+                thread::sleep(Duration::from_millis(2));
+            }
+        }
+    }
+}
+
+impl Effects for Machinery {
+    fn start_recorder(&mut self) {
+        if let Some(recorder) = &self.recorder {
+            let _ = recorder.try_send(());
+        }
+    }
+
+    fn start_nodes(&mut self, worker: usize) {
+        let _ = self.workers[worker].try_send(Order::StartNodes);
+    }
+
+    fn drive(&mut self, worker: usize, scene: usize, record: bool) {
+        let _ = self.workers[worker].try_send(Order::Drive { scene, record });
+    }
+
+    fn warn(&mut self, text: &str) {
+        tracing::warn!("{text}");
+    }
+
+    fn halt(&mut self, ending: &Ending) {
+        self.shared.stop.store(true, Ordering::Relaxed);
+        if *ending != Ending::Complete {
+            // Whoever waits for an answer waits no more. The recorder is left to close its files.
+            self.shared.groups.kill_all();
+        }
+    }
+}

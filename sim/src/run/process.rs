@@ -1,0 +1,131 @@
+//! Processes that the sim starts: nodes and the recorder. None outlives it.
+//!
+//! - Each is the head of a process group of its own: Ctrl-C in the terminal reaches the sim alone, which decides; and whatever
+//!   a planner's command starts is ended with it.
+//! - Each has a pipe of the sim's as standard input. Nodes leave at its end, so also when the sim was killed.
+//! - What they write to standard error comes out on the sim's, line by line, under their name.
+
+use std::collections::BTreeSet;
+use std::io::{BufRead, BufReader};
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use nix::sys::signal::{Signal, killpg};
+use nix::unistd::Pid;
+use thiserror::Error;
+
+use super::console::Console;
+
+/// A process that cannot be started.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum StartError {
+    #[error("{name} cannot be started: {} is not there\nhint: build the whole workspace, or keep its programs in one folder", path.display())]
+    Missing { name: String, path: PathBuf },
+    #[error("{name} cannot be started: {source}")]
+    Spawn { name: String, source: std::io::Error },
+}
+
+/// The groups that run at the moment, so that a second Ctrl-C can end all of them from another thread.
+#[derive(Clone, Debug, Default)]
+pub struct Groups(Arc<Mutex<BTreeSet<i32>>>);
+
+impl Groups {
+    fn lock(&self) -> MutexGuard<'_, BTreeSet<i32>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Ends every process of every group.
+    pub fn kill_all(&self) {
+        self.lock().iter().for_each(|group| kill_group(*group));
+    }
+}
+
+/// SIGKILL reaches stopped processes too. A group that is gone already is no error.
+fn kill_group(group: i32) {
+    let _ = killpg(Pid::from_raw(group), Signal::SIGKILL);
+}
+
+/// The program `name` beside this one.
+///
+/// # Errors
+/// [`StartError::Missing`].
+pub fn program(name: &str) -> Result<PathBuf, StartError> {
+    let own = std::env::current_exe().map_err(|source| StartError::Spawn { name: name.to_owned(), source })?;
+    let path = own.with_file_name(name).with_extension(std::env::consts::EXE_EXTENSION);
+    if path.is_file() { Ok(path) } else { Err(StartError::Missing { name: name.to_owned(), path }) }
+}
+
+/// A running process. It is killed when this is dropped.
+#[derive(Debug)]
+pub struct Process {
+    name: String,
+    child: Child,
+    groups: Groups,
+}
+
+impl Process {
+    /// Starts `command` under `name`.
+    ///
+    /// # Errors
+    /// [`StartError`].
+    pub fn start(name: &str, mut command: Command, groups: &Groups, console: &Console) -> Result<Self, StartError> {
+        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped()).process_group(0);
+        let failed = |source| StartError::Spawn { name: name.to_owned(), source };
+        let mut child = command.spawn().map_err(failed)?;
+        groups.lock().insert(child.id() as i32);
+        if let Some(errors) = child.stderr.take() {
+            let (name, console) = (name.to_owned(), console.clone());
+            // Ends with the process: at the end of its standard error.
+            thread::spawn(move || {
+                let mut lines = BufReader::new(errors).split(b'\n');
+                while let Some(Ok(line)) = lines.next() {
+                    console.line(&format!("{name}: {}", String::from_utf8_lossy(&line)));
+                }
+            });
+        }
+        Ok(Self { name: name.to_owned(), child, groups: groups.clone() })
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// How it ended, if it has.
+    pub fn gone(&mut self) -> Option<String> {
+        self.child.try_wait().ok().flatten().map(describe)
+    }
+
+    /// Asks it to leave, and kills it if it has not left after `patience`.
+    pub fn stop(mut self, patience: Duration) {
+        drop(self.child.stdin.take());
+        let until = Instant::now() + patience;
+        while self.gone().is_none() && Instant::now() < until {
+            thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let group = self.child.id() as i32;
+        // The head may be gone and what it started still there: the group is killed before its number is given away.
+        kill_group(group);
+        let _ = self.child.wait();
+        self.groups.lock().remove(&group);
+    }
+}
+
+fn describe(status: ExitStatus) -> String {
+    match (status.code(), status.signal()) {
+        (Some(code), _) => format!("exited with code {code}"),
+        (None, Some(signal)) => format!("was killed by signal {signal}"),
+        (None, None) => "ended".to_owned(),
+    }
+}

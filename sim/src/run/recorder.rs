@@ -1,0 +1,57 @@
+//! The recorder's thread: starts it when told to, and says when it is gone.
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
+use std::time::Duration;
+
+use wire::hub::Wanted;
+use wire::keys::{Role, Workers};
+
+use super::core::Event;
+use super::process::{Groups, Process};
+use super::worker::Shared;
+
+/// How often the recorder is looked at.
+const GLANCE: Duration = Duration::from_millis(50);
+
+/// How long it may take to close its files.
+const CLOSING: Duration = Duration::from_secs(5);
+
+/// Starts the recorder at each order; ends it when nobody orders any more.
+pub fn keep(shared: &Arc<Shared>, groups: &Groups, orders: &Receiver<()>, events: &SyncSender<Event>) {
+    while orders.recv().is_ok() {
+        let mut process = match start(shared, groups) {
+            Ok(process) => process,
+            Err(reason) => {
+                if events.send(Event::RecorderLost(reason)).is_err() {
+                    return;
+                }
+                continue;
+            }
+        };
+        if events.send(Event::RecorderReady).is_err() {
+            return process.stop(CLOSING);
+        }
+        loop {
+            if let Some(how) = process.gone() {
+                if events.send(Event::RecorderLost(format!("the recorder {how}"))).is_err() {
+                    return;
+                }
+                break;
+            }
+            // No order comes while it runs: this waits for the end of the run.
+            if orders.recv_timeout(GLANCE) == Err(RecvTimeoutError::Disconnected) {
+                return process.stop(CLOSING);
+            }
+        }
+    }
+}
+
+fn start(shared: &Shared, groups: &Groups) -> Result<Process, String> {
+    let out = shared.folder.episodes();
+    let out = out.to_string_lossy();
+    let arguments = ["record", "--out", &out];
+    let mut process = shared.start_program("recorder", "the recorder", &arguments, groups)?;
+    shared.wait_for(Wanted { role: Role::Recorder, workers: Workers::All, name: None }, Some(&mut process))?;
+    Ok(process)
+}

@@ -1,0 +1,302 @@
+//! A worker: a thread with nodes of its own, that drives one scene after the other and stores what came of it.
+
+use std::cell::RefCell;
+use std::fs;
+use std::process::Command;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender};
+use std::time::Duration;
+
+use scenarios::SceneSet;
+use wire::hub::{Hub, Wanted};
+use wire::keys::{Role, Worker as WorkerName, Workers};
+use wire::proto::{AgentState, EndReason, EpisodeEnd};
+use world::scene::Scene;
+
+use super::bus::BusDriver;
+use super::clock::{Clock, WallClock};
+use super::console::Console;
+use super::core::Event;
+use super::drive::{Driven, drive};
+use super::folder::Folder;
+use super::process::{Groups, Process, program};
+use crate::cli::Record;
+use crate::episode::Episode;
+use crate::results::part::{LoggedState, Part};
+use crate::settings::{Node, Planner, RunFile};
+
+/// What the recorder may take to close an episode's file, beyond the deadline of an answer.
+const CLOSING: Duration = Duration::from_secs(30);
+
+/// What the run asks of a worker.
+#[derive(Clone, Copy, Debug)]
+pub enum Order {
+    /// Start its nodes, in the place of those it has.
+    StartNodes,
+    /// Drive a scene.
+    Drive {
+        /// Its place in the set.
+        scene: usize,
+        /// Whether a recorder listens.
+        record: bool,
+    },
+}
+
+/// What all workers share. Nothing of it changes during a run, but for `stop` and the groups.
+pub struct Shared {
+    /// Where the scenes come from.
+    pub scenes: SceneSet,
+    /// Who drives, and by which rules.
+    pub file: RunFile,
+    /// Where finished episodes go.
+    pub folder: Folder,
+    /// The bus.
+    pub hub: Hub,
+    /// Since the program began.
+    pub clock: WallClock,
+    /// Where nodes' lines go.
+    pub console: Console,
+    /// The planners and predictors that run, to be ended by whoever ends the run.
+    pub groups: Groups,
+    /// Set when nothing more is to be begun or stored.
+    pub stop: AtomicBool,
+}
+
+impl Shared {
+    /// Starts a program of the workspace on the bus.
+    ///
+    /// # Errors
+    /// Why not, as a sentence.
+    pub fn start_program(
+        &self,
+        name: &str,
+        process: &str,
+        arguments: &[&str],
+        groups: &Groups,
+    ) -> Result<Process, String> {
+        let mut command = Command::new(program(name).map_err(|error| error.to_string())?);
+        command.args(arguments);
+        self.start_command(process, command, groups)
+    }
+
+    fn start_command(&self, process: &str, mut command: Command, groups: &Groups) -> Result<Process, String> {
+        let run = self.hub.run().to_string();
+        // In the environment too, for a planner's command that is a script.
+        command.env("RELOOP_ENDPOINT", self.hub.endpoint()).env("RELOOP_RUN", &run);
+        command.args(["--endpoint", self.hub.endpoint(), "--run", &run, "--exit-with-parent"]);
+        Process::start(process, command, groups, &self.console).map_err(|error| error.to_string())
+    }
+
+    /// Waits until a node is on the bus; `process` is looked at meanwhile, if the sim started it.
+    ///
+    /// # Errors
+    /// Why it will not come, as a sentence.
+    pub fn wait_for(&self, wanted: Wanted, process: Option<&mut Process>) -> Result<(), String> {
+        let name = process.as_ref().map(|process| process.name().to_owned());
+        let process = RefCell::new(process);
+        let gone = || process.borrow_mut().as_mut().and_then(|process| process.gone());
+        let cancelled = || self.stop.load(Ordering::Relaxed) || gone().is_some();
+        match self.hub.wait_for_nodes(&[wanted], self.file.machine.start_timeout(), &cancelled) {
+            Ok(()) => Ok(()),
+            Err(error) => Err(match (gone(), name) {
+                (Some(how), Some(name)) => format!("{name} {how} before it was on the bus"),
+                _ => error.to_string(),
+            }),
+        }
+    }
+}
+
+/// Does what is ordered until nobody orders any more.
+pub fn work(number: usize, shared: &Arc<Shared>, orders: &Receiver<Order>, events: &SyncSender<Event>) {
+    let mut worker = Worker { number, name: WorkerName::numbered(number), shared, nodes: Vec::new(), starts: 0 };
+    while let Ok(order) = orders.recv() {
+        let event = match order {
+            Order::StartNodes => match worker.start_nodes() {
+                Ok(()) => Event::NodesReady(number),
+                Err(reason) => Event::NodesLost(number, reason),
+            },
+            Order::Drive { scene, record } => match worker.drive(scene, record) {
+                Some(event) => event,
+                None => return,
+            },
+        };
+        if events.send(event).is_err() {
+            return;
+        }
+    }
+    worker.stop_nodes();
+}
+
+struct Worker<'a> {
+    number: usize,
+    name: WorkerName,
+    shared: &'a Shared,
+    nodes: Vec<Process>,
+    /// How often nodes were started: each has a name of its own, lest one that was killed a moment ago is taken for it.
+    starts: u32,
+}
+
+impl Worker<'_> {
+    fn start_nodes(&mut self) -> Result<(), String> {
+        self.nodes.clear();
+        self.starts += 1;
+        let settings = &self.shared.file.settings;
+        let planner = match &settings.planner {
+            Planner::Node(node) => Some(self.start_node("planner-node", Role::Planner, node)?),
+            Planner::Command { command } => Some(self.start_own_planner(command)?),
+            Planner::External => None,
+        };
+        let predictor = settings.predictor.as_ref();
+        let predictor = predictor.map(|node| self.start_node("predictor-node", Role::Predictor, node)).transpose()?;
+        // Both start side by side; then both are waited for.
+        let predicts = predictor.is_some();
+        self.wait_for(Role::Planner, planner)?;
+        if predicts { self.wait_for(Role::Predictor, predictor) } else { Ok(()) }
+    }
+
+    fn wait_for(&mut self, role: Role, mut process: Option<Process>) -> Result<(), String> {
+        // A process of the sim's must come itself; one that is started by hand may have any name.
+        let name = process.is_some().then(|| self.node_name());
+        let wanted = Wanted { role, workers: Workers::One(self.name.clone()), name };
+        self.shared.wait_for(wanted, process.as_mut())?;
+        self.nodes.extend(process);
+        Ok(())
+    }
+
+    fn node_name(&self) -> String {
+        format!("{}.{}", self.name, self.starts)
+    }
+
+    fn start_node(&self, program: &str, role: Role, node: &Node) -> Result<Process, String> {
+        let (worker, name) = (self.name.to_string(), self.node_name());
+        let which = format!("--{role}");
+        let mut arguments = vec![&*which, &node.name, "--worker", &worker, "--name", &name];
+        if node.reads_log {
+            let inputs = self.shared.file.machine.scenarios.iter();
+            arguments.extend(inputs.flat_map(|input| ["--scenarios", input.as_str()]));
+        }
+        self.shared.start_program(program, &format!("{role} {worker}"), &arguments, &self.shared.groups)
+    }
+
+    fn start_own_planner(&self, command: &str) -> Result<Process, String> {
+        let (worker, name) = (self.name.to_string(), self.node_name());
+        let mut shell = Command::new("sh");
+        // `exec`, so that the process is the planner itself; the shell splits and quotes the command as the user is used to.
+        shell.args(["-c", &format!("exec {command} \"$@\""), "sh", "--worker", &worker, "--name", &name]);
+        shell.env("RELOOP_WORKER", &worker);
+        self.shared.start_command(&format!("planner {worker}"), shell, &self.shared.groups)
+    }
+
+    fn stop_nodes(&mut self) {
+        self.nodes.drain(..).for_each(|node| node.stop(Duration::from_millis(500)));
+    }
+
+    /// Drives a scene and stores what came of it; none where the run is stopped before that.
+    fn drive(&mut self, scene: usize, record: bool) -> Option<Event> {
+        let shared = self.shared;
+        let begin = shared.clock.now();
+        let id = &shared.scenes.entries()[scene].id;
+        let loaded = shared.scenes.load(scene);
+        let load = shared.clock.now();
+        let mut part = match loaded {
+            Err(error) => self.unreadable(id.as_str(), &error.to_string()),
+            Ok((scene, findings)) => {
+                findings.iter().for_each(|finding| tracing::debug!(scene = %id, "{finding}"));
+                let episode = Episode::new(Arc::clone(&scene), &shared.file.settings.protocol);
+                let prepare = shared.clock.now() - load;
+                let mut part = match episode {
+                    Err(error) => self.without_drive(error.end(&scene, &shared.file.settings.protocol)),
+                    Ok(episode) => self.drive_episode(episode, &scene, record)?,
+                };
+                part.timing.get_or_insert_default().prepare = prepare.as_secs_f64();
+                part
+            }
+        };
+        let timing = part.timing.get_or_insert_default();
+        timing.worker = self.number as u32;
+        timing.load = (load - begin).as_secs_f64();
+        timing.wall = (shared.clock.now() - begin).as_secs_f64();
+        if shared.stop.load(Ordering::Relaxed) {
+            return None;
+        }
+        let driver_failed = part.reason() == EndReason::DriverFailed;
+        let recorded = part.recorded && part.recording_error.is_empty();
+        if let Err(error) = self
+            .drop_unwanted_recording(id.as_str(), &mut part)
+            .and_then(|()| shared.folder.store(id.as_str(), &part).map_err(|error| error.to_string()))
+        {
+            return Some(Event::Broken(error));
+        }
+        Some(Event::Driven { worker: self.number, driver_failed, recorded })
+    }
+
+    fn drive_episode(&mut self, episode: Episode, scene: &Scene, record: bool) -> Option<Part> {
+        let shared = self.shared;
+        let settings = &shared.file.settings;
+        let start = AgentState::from(&episode.observe().av);
+        let start_log_index = episode.briefing().start;
+        let mut driver = match BusDriver::new(&shared.hub, &self.name, scene.id(), settings, record.then_some(CLOSING))
+        {
+            Ok(driver) => driver,
+            Err(reason) => return Some(self.unreadable(scene.id().as_str(), &reason)),
+        };
+        let Driven { outcome, recording, timing } = drive(episode, &mut driver, &shared.clock, &shared.stop)?;
+        let wanted = settings.record != Record::None;
+        let recording_error = match recording {
+            Err(error) => error,
+            Ok(()) if wanted && !record => "no recorder was there".to_owned(),
+            Ok(()) => String::new(),
+        };
+        let human = scene.av();
+        let at = |log_index: u32| human.states.get(log_index as usize).copied().flatten();
+        let logged = outcome
+            .records
+            .iter()
+            .map(|record| LoggedState { state: at(record.log_index).as_ref().map(AgentState::from) });
+        Some(Part {
+            logged: logged.collect(),
+            end: Some(outcome.end),
+            records: outcome.records,
+            events: outcome.events,
+            start: Some(start),
+            start_log_index,
+            recorded: record,
+            recording_error,
+            timing: Some(timing),
+        })
+    }
+
+    /// The part of a scene that cannot be read.
+    fn unreadable(&self, scene: &str, detail: &str) -> Part {
+        let end = EpisodeEnd {
+            scene: scene.to_owned(),
+            protocol: self.shared.file.settings.protocol.name().to_owned(),
+            reason: EndReason::Undrivable.into(),
+            detail: detail.to_owned(),
+            ..EpisodeEnd::default()
+        };
+        self.without_drive(end)
+    }
+
+    /// The part of an episode that never began.
+    fn without_drive(&self, end: EpisodeEnd) -> Part {
+        Part { end: Some(end), ..Part::default() }
+    }
+
+    /// With `--record failures`, removes the recording of an episode that went well.
+    fn drop_unwanted_recording(&self, scene: &str, part: &mut Part) -> Result<(), String> {
+        let bad = matches!(part.reason(), EndReason::Collision | EndReason::OffRoute | EndReason::DriverFailed);
+        if !part.recorded || bad || self.shared.file.settings.record != Record::Failures {
+            return Ok(());
+        }
+        part.recorded = false;
+        let path = self.shared.folder.episodes().join(format!("{scene}.mcap"));
+        match fs::remove_file(&path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                Err(crate::files::at("remove", &path)(error).to_string())
+            }
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,376 @@
+//! What is meant by a command line, fully resolved: this is what `run.toml` holds.
+//!
+//! [`Settings`], [`Build`] and the scenes decide the results: a run is only continued where they are the same.
+//! [`Machine`] does not touch a byte of them.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::cli::{self, MotionName, Predictor, ProtocolName, Record, RunArgs};
+use crate::drivers;
+use crate::protocol::{Motion, Protocol, StrictSettings};
+use crate::version;
+
+/// `run.toml`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct RunFile {
+    /// Who drives, and by which rules.
+    pub settings: Settings,
+    /// Which build drives.
+    pub build: Build,
+    /// Where and how it was run.
+    pub machine: Machine,
+    /// What is driven, in the order of the tables.
+    #[serde(default)]
+    pub scenes: Vec<SceneLine>,
+}
+
+/// Who drives, and by which rules.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Settings {
+    /// What tables call the driver.
+    pub driver: String,
+    /// How long an answer may take (s).
+    pub deadline_s: f64,
+    /// Which episodes are recorded.
+    pub record: Record,
+    /// Where plans come from.
+    pub planner: Planner,
+    /// Where predictions come from.
+    pub predictor: Option<Node>,
+    /// The rules of an episode.
+    pub protocol: Protocol,
+}
+
+/// Where plans come from.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", tag = "from")]
+pub enum Planner {
+    /// A member of `planner-node`.
+    Node(Node),
+    /// A command of the user's.
+    Command {
+        /// For the shell; a node's arguments are appended.
+        command: String,
+    },
+    /// A process that the user starts.
+    External,
+}
+
+/// A member of `planner-node` or `predictor-node`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Node {
+    /// Its name there.
+    pub name: String,
+    /// Whether it reads the log itself.
+    pub reads_log: bool,
+}
+
+/// Which build drives.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Build {
+    /// The package's version.
+    pub version: String,
+    /// The revision it was built from.
+    pub git_revision: String,
+    /// The version of the messages.
+    pub wire_version: u32,
+}
+
+/// A scene of the run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct SceneLine {
+    /// Its name.
+    pub id: String,
+    /// SHA-256 of its record, in hexadecimal digits.
+    pub sha256: String,
+}
+
+/// Where and how a run was run: nothing in its results depends on it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Machine {
+    /// Episodes driven at a time.
+    pub parallel: u16,
+    /// How long nodes may take to start (s).
+    pub start_timeout_s: f64,
+    /// Where nodes connect, if it was asked for.
+    pub endpoint: Option<String>,
+    /// The scenes, as they were asked for; none for the built-in demo set.
+    pub scenarios: Vec<String>,
+}
+
+/// A run, as it was asked for.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// Who drives, and by which rules.
+    pub settings: Settings,
+    /// Where and how.
+    pub machine: Machine,
+    /// The folder, if it was asked for.
+    pub out: Option<PathBuf>,
+    /// Whether to say where the time went.
+    pub timing: bool,
+}
+
+/// A command line that cannot be meant.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum SettingsError {
+    #[error("the driver's label {0:?} is not 1 to 64 of A-Z a-z 0-9 _ . -")]
+    Label(String),
+    #[error("{0:?} is no driver\nhint: `sim run --help` lists them")]
+    Driver(String),
+    #[error("run.toml cannot be read: {0}\nhint: give another folder with --out, or remove this one")]
+    Parse(#[from] toml::de::Error),
+}
+
+impl Request {
+    /// What `arguments` mean on a machine with so many cores.
+    ///
+    /// # Errors
+    /// [`SettingsError`].
+    pub fn resolve(arguments: RunArgs, cores: u16) -> Result<Self, SettingsError> {
+        let row = drivers::find(&arguments.driver).ok_or_else(|| SettingsError::Driver(arguments.driver.clone()))?;
+        let own = arguments.planner.is_some() || arguments.planner_command.is_some();
+        let (planner, name, wants, moves) = match (arguments.planner_command, arguments.planner) {
+            (Some(command), _) => (Planner::Command { command }, "command", Predictor::None, MotionName::Bicycle),
+            (None, Some(cli::Planner::External)) => {
+                (Planner::External, "external", Predictor::None, MotionName::Bicycle)
+            }
+            (None, None) => {
+                let node = Node { name: row.planner.to_owned(), reads_log: row.planner_reads_log };
+                (Planner::Node(node), row.name, row.predictor, row.motion)
+            }
+        };
+        let predictor = match arguments.predictor.unwrap_or(wants) {
+            Predictor::None => None,
+            Predictor::Ctrv => Some(Node { name: "ctrv".to_owned(), reads_log: false }),
+            Predictor::Oracle => Some(Node { name: "oracle".to_owned(), reads_log: true }),
+        };
+        let driver = match (&arguments.label, &predictor) {
+            (Some(label), _) => checked_label(label)?,
+            // Another predictor than its own makes another driver: tables must not call both the same.
+            (None, Some(node)) if own || arguments.predictor.is_some_and(|p| p != wants) => {
+                format!("{name}-{}", node.name)
+            }
+            (None, _) => name.to_owned(),
+        };
+        let motion = match arguments.motion.unwrap_or(moves) {
+            MotionName::Bicycle => Motion::Bicycle,
+            MotionName::Playback => Motion::Playback,
+        };
+        let protocol = match arguments.protocol {
+            ProtocolName::Strict => Protocol::Strict(StrictSettings { motion, ..StrictSettings::default() }),
+        };
+        let settings = Settings {
+            driver,
+            deadline_s: arguments.deadline.as_secs_f64(),
+            record: arguments.record,
+            planner,
+            predictor,
+            protocol,
+        };
+        let machine = Machine {
+            parallel: arguments.parallel.unwrap_or(cores),
+            start_timeout_s: arguments.start_timeout.as_secs_f64(),
+            endpoint: arguments.endpoint,
+            scenarios: arguments.scenarios,
+        };
+        Ok(Self { settings, machine, out: arguments.out, timing: arguments.timing })
+    }
+}
+
+fn checked_label(label: &str) -> Result<String, SettingsError> {
+    let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '.' | '-');
+    if !(1..=64).contains(&label.len()) || !label.chars().all(allowed) || label.starts_with('.') {
+        return Err(SettingsError::Label(label.to_owned()));
+    }
+    Ok(label.to_owned())
+}
+
+impl Settings {
+    /// How long an answer may take.
+    #[must_use]
+    pub fn deadline(&self) -> Duration {
+        Duration::from_secs_f64(self.deadline_s)
+    }
+}
+
+impl Machine {
+    /// How long nodes may take to start.
+    #[must_use]
+    pub fn start_timeout(&self) -> Duration {
+        Duration::from_secs_f64(self.start_timeout_s)
+    }
+}
+
+impl Build {
+    /// This build.
+    #[must_use]
+    pub fn this() -> Self {
+        Self {
+            version: version::VERSION.to_owned(),
+            git_revision: version::GIT_REVISION.to_owned(),
+            wire_version: wire::WIRE_VERSION,
+        }
+    }
+}
+
+impl RunFile {
+    /// As the text of `run.toml`.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        // Plain data with text keys: TOML holds all of it.
+        toml::to_string(self).unwrap_or_default()
+    }
+
+    /// From the text of `run.toml`.
+    ///
+    /// # Errors
+    /// [`SettingsError::Parse`].
+    pub fn parse(text: &str) -> Result<Self, SettingsError> {
+        Ok(toml::from_str(text)?)
+    }
+
+    /// What recordings carry: what decides the results, but not the list of scenes.
+    #[must_use]
+    pub fn to_recorded_toml(&self) -> String {
+        #[derive(Serialize)]
+        struct Recorded<'a> {
+            settings: &'a Settings,
+            build: &'a Build,
+        }
+        toml::to_string(&Recorded { settings: &self.settings, build: &self.build }).unwrap_or_default()
+    }
+
+    /// What differs between two runs that must be one: a line each, `field: there, here`. Empty where nothing does.
+    #[must_use]
+    pub fn differences(&self, here: &Self) -> Vec<String> {
+        let mut lines = Vec::new();
+        let value = |file: &Self| {
+            let comparable = Self { scenes: Vec::new(), machine: here.machine.clone(), ..file.clone() };
+            toml::Value::try_from(comparable).unwrap_or(toml::Value::Boolean(false))
+        };
+        compare("", Some(&value(self)), Some(&value(here)), &mut lines);
+        if self.scenes != here.scenes {
+            lines.push(compare_scenes(&self.scenes, &here.scenes));
+        }
+        lines
+    }
+}
+
+fn compare(path: &str, there: Option<&toml::Value>, here: Option<&toml::Value>, lines: &mut Vec<String>) {
+    match (there, here) {
+        (Some(toml::Value::Table(there)), Some(toml::Value::Table(here))) => {
+            let extra = here.keys().filter(|key| !there.contains_key(*key));
+            for key in there.keys().chain(extra) {
+                let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+                compare(&path, there.get(key), here.get(key), lines);
+            }
+        }
+        _ if there == here => {}
+        _ => {
+            let text = |value: Option<&toml::Value>| value.map_or_else(|| "nothing".to_owned(), ToString::to_string);
+            lines.push(format!("{path}: {} there, {} here", text(there), text(here)));
+        }
+    }
+}
+
+fn compare_scenes(there: &[SceneLine], here: &[SceneLine]) -> String {
+    if there.len() != here.len() {
+        return format!("scenes: {} there, {} here", there.len(), here.len());
+    }
+    let pairs = there.iter().zip(here);
+    match pairs.filter(|(there, here)| there != here).map(|(there, here)| (&there.id, &here.id)).next() {
+        Some((there, here)) if there == here => format!("scenes: {there} has other content"),
+        Some((there, here)) => format!("scenes: {there} there, {here} here"),
+        None => "scenes".to_owned(),
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use clap::Parser;
+
+    fn resolve(arguments: &[&str]) -> Request {
+        let line = ["sim", "run"].iter().chain(arguments);
+        let cli::Command::Run(arguments) = cli::Cli::parse_from(line).command else { panic!("not a run") };
+        Request::resolve(*arguments, 2).unwrap()
+    }
+
+    pub(crate) fn run_file(arguments: &[&str]) -> RunFile {
+        let Request { settings, machine, .. } = resolve(arguments);
+        let scenes = vec![SceneLine { id: "a".to_owned(), sha256: "00".to_owned() }];
+        RunFile { settings, build: Build::this(), machine, scenes }
+    }
+
+    #[test]
+    fn a_run_file_reads_back_as_it_was_written() {
+        for arguments in [
+            &[][..],
+            &["--driver", "human", "--predictor", "oracle", "--record", "none"],
+            &["--planner-command", "python 'my planner.py' --fast", "--deadline", "250ms"],
+            &["--planner", "external", "--endpoint", "tcp/127.0.0.1:7447", "--scenarios", "a", "b"],
+        ] {
+            let file = run_file(arguments);
+            let text = file.to_toml();
+            assert_eq!(RunFile::parse(&text).unwrap(), file, "{text}");
+        }
+    }
+
+    #[test]
+    fn the_human_is_played_back_and_all_others_steer() {
+        for driver in drivers::DRIVERS {
+            let settings = resolve(&["--driver", driver.name]).settings;
+            let Protocol::Strict(strict) = settings.protocol;
+            assert_eq!(strict.motion == Motion::Playback, driver.name == "human");
+        }
+    }
+
+    #[test]
+    fn another_predictor_makes_another_driver() {
+        assert_eq!(resolve(&[]).settings.driver, "idm");
+        assert_eq!(resolve(&["--predictor", "none"]).settings.driver, "idm");
+        assert_eq!(resolve(&["--predictor", "ctrv"]).settings.driver, "idm-ctrv");
+        assert_eq!(resolve(&["--planner", "external", "--predictor", "ctrv"]).settings.driver, "external-ctrv");
+        assert_eq!(resolve(&["--predictor", "ctrv", "--label", "mine"]).settings.driver, "mine");
+    }
+
+    #[test]
+    fn differences_name_the_field_and_both_values() {
+        let there = run_file(&["--deadline", "5s"]);
+        assert_eq!(there.differences(&run_file(&["--parallel", "7"])), Vec::<String>::new());
+        let here = run_file(&["--deadline", "3s", "--predictor", "ctrv"]);
+        insta::assert_debug_snapshot!(there.differences(&here), @r#"
+        [
+            "settings.deadline-s: 5.0 there, 3.0 here",
+            "settings.driver: \"idm\" there, \"idm-ctrv\" here",
+            "settings.predictor: nothing there, { name = \"ctrv\", reads-log = false } here",
+        ]
+        "#);
+        let mut other_scene = there.clone();
+        other_scene.scenes[0].sha256 = "11".to_owned();
+        assert_eq!(there.differences(&other_scene), ["scenes: a has other content"]);
+    }
+
+    #[test]
+    fn a_label_is_a_file_name() {
+        let with = |label: &str| {
+            let line = ["sim", "run", "--label", label];
+            let cli::Command::Run(arguments) = cli::Cli::parse_from(line).command else { panic!("not a run") };
+            Request::resolve(*arguments, 2).is_ok()
+        };
+        assert!(with("dipp-2"));
+        assert!(!with("../evil") && !with("a b") && !with(""));
+    }
+}

@@ -1,0 +1,167 @@
+//! The command line of `sim`: what it says, and with which exit code.
+
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+use std::path::Path;
+use std::process::Command;
+
+/// Runs `sim` in `folder`: exit code, standard output, standard error.
+fn sim(folder: &Path, arguments: &[&str]) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_sim"))
+        .args(arguments)
+        .current_dir(folder)
+        .env_remove("RUST_LOG")
+        .env("COLUMNS", "100")
+        .output()
+        .unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).replace(&*folder.to_string_lossy(), "[folder]");
+    let code = output.status.code().map_or("a signal".to_owned(), |code| code.to_string());
+    format!("code {code}\n--- stdout\n{}--- stderr\n{}", text(&output.stdout), text(&output.stderr))
+}
+
+#[test]
+fn help_says_what_can_be_typed() {
+    let folder = tempfile::tempdir().unwrap();
+    insta::assert_snapshot!(sim(folder.path(), &["--help"]), @"
+    code 0
+    --- stdout
+    Drives an autonomous vehicle through logged traffic in closed loop, and tells how well it drove
+
+    Usage: sim [OPTIONS] <COMMAND>
+
+    Commands:
+      run    Drive scenes and write a run folder
+      table  Print the tables of finished runs
+      help   Print this message or the help of the given subcommand(s)
+
+    Options:
+      -v, --verbose...  Say more on standard error; twice for everything
+      -h, --help        Print help
+      -V, --version     Print version
+    --- stderr
+    ");
+    insta::assert_snapshot!(sim(folder.path(), &["run", "-h"]), @"
+    code 0
+    --- stdout
+    Drive scenes and write a run folder
+
+    Usage: sim run [OPTIONS]
+
+    Options:
+      -v, --verbose...  Say more on standard error; twice for everything
+      -h, --help        Print help (see more with '--help')
+
+    What to drive:
+          --scenarios <PATH>...        Scenes: WOMD TFRecord files, folders, globs, or a scene-set TOML
+                                       [default: the built-in demo set]
+          --driver <NAME>              Who drives [default: idm] [possible values: idm, human,
+                                       constant-velocity]
+          --predictor <NAME>           Where predictions come from [default: what the driver wants]
+                                       [possible values: none, ctrv, oracle]
+          --planner-command <COMMAND>  A planner of your own: a shell command; the arguments of a node
+                                       are appended to it
+          --planner <WHICH>            A planner that you start yourself, with --worker '*' and the
+                                       endpoint and run that the sim prints [possible values: external]
+          --label <NAME>               What tables call the driver [default: its name]
+          --protocol <PROTOCOL>        The rules of an episode [default: strict] [possible values:
+                                       strict]
+          --motion <MOTION>            How the AV follows its plan [default: bicycle; playback for the
+                                       driver `human`] [possible values: bicycle, playback]
+
+    How to run:
+          --out <DIR>                 The run's folder [default: runs/DRIVER-PROTOCOL-N]; an unfinished
+                                      run in it is continued
+          --record <RECORD>           Which episodes to keep a recording of [default: all] [possible
+                                      values: all, failures, none]
+          --parallel <N>              Episodes driven at a time; results do not depend on it [default:
+                                      the cores]
+          --deadline <TIME>           How long an answer may take: 5s, 500ms [default: 5s]
+          --start-timeout <TIME>      How long nodes may take to start [default: 20s]
+          --endpoint <tcp/HOST:PORT>  Where to listen for nodes [default: a free port of this machine]
+          --timing                    Say on standard error where the time went
+    --- stderr
+    ");
+    insta::assert_snapshot!(sim(folder.path(), &["table", "-h"]), @"
+    code 0
+    --- stdout
+    Print the tables of finished runs
+
+    Usage: sim table [OPTIONS] <DIR>...
+
+    Arguments:
+      <DIR>...  Folders of finished runs
+
+    Options:
+          --format <FORMAT>  How to print [default: text] [possible values: text, markdown, csv]
+      -v, --verbose...       Say more on standard error; twice for everything
+      -h, --help             Print help (see more with '--help')
+    --- stderr
+    ");
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_with_code_2_and_a_hint() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    insta::assert_snapshot!(sim(path, &["run", "--driver", "nobody"]), @"
+    code 2
+    --- stdout
+    --- stderr
+    error: invalid value 'nobody' for '--driver <NAME>'
+      [possible values: idm, human, constant-velocity]
+
+    For more information, try '--help'.
+    ");
+    insta::assert_snapshot!(sim(path, &["run", "--planner", "external", "--planner-command", "x"]), @"
+    code 2
+    --- stdout
+    --- stderr
+    error: the argument '--planner <WHICH>' cannot be used with '--planner-command <COMMAND>'
+
+    Usage: sim run --planner <WHICH>
+
+    For more information, try '--help'.
+    ");
+    insta::assert_snapshot!(sim(path, &["run", "--deadline", "5"]), @"
+    code 2
+    --- stdout
+    --- stderr
+    error: invalid value '5' for '--deadline <TIME>': write it with its unit: 500ms, 5s or 2m
+
+    For more information, try '--help'.
+    ");
+    insta::assert_snapshot!(sim(path, &["run", "--label", "../evil"]), @r#"
+    code 2
+    --- stdout
+    --- stderr
+    error: the driver's label "../evil" is not 1 to 64 of A-Z a-z 0-9 _ . -
+    "#);
+    insta::assert_snapshot!(sim(path, &["run", "--scenarios", "nowhere"]), @"
+    code 2
+    --- stdout
+    --- stderr
+    error: nowhere: No such file or directory (os error 2)
+    ");
+    insta::assert_snapshot!(sim(path, &["table", "."]), @"
+    code 2
+    --- stdout
+    --- stderr
+    error: . holds no run: there is no run.toml in it
+    ");
+    assert!(std::fs::read_dir(path).unwrap().next().is_none(), "a refused command leaves files");
+}
+
+#[test]
+fn a_folder_with_other_things_in_it_is_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("diary.txt"), "dear diary").unwrap();
+    insta::assert_snapshot!(sim(folder.path(), &["run", "--out", "."]), @"
+    code 2
+    --- stdout
+    --- stderr
+    error: . is not empty and holds no run
+    hint: give another folder with --out
+    ");
+    assert_eq!(std::fs::read_to_string(folder.path().join("diary.txt")).unwrap(), "dear diary");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
