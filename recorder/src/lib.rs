@@ -1,0 +1,24 @@
+//! Episodes as files: MCAP for machines, Foxglove and Lichtblick; Rerun for eyes.
+//!
+//! Nothing is judged here, and nothing decided: what was said on the bus is put in order and written down.
+//!
+//! ```text
+//!   bus ──▶ Sequence ──▶ messages in canonical order ──┬──▶ mcap::EpisodeWriter ──▶ <scene>.mcap
+//!            (any order of arrival)                    └──▶ rrd::Drawing ─────────▶ <scene>.rrd
+//! ```
+//!
+//! | module | what |
+//! | --- | --- |
+//! | [`message`], [`sequence`] | the product's messages, and their order whatever the order of arrival |
+//! | [`mcap`] | the file that everything can be read back from; the same bytes for the same episode |
+//! | [`rrd`] | the drawing and its layout |
+//! | [`layers`], [`strokes`], [`origin`], [`palette`] | what both kinds of file draw alike |
+
+pub mod layers;
+pub mod mcap;
+pub mod message;
+pub mod origin;
+pub mod palette;
+pub mod rrd;
+pub mod sequence;
+pub mod strokes;

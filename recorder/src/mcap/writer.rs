@@ -1,0 +1,170 @@
+//! Messages in canonical order to the bytes of an episode's MCAP file.
+
+use foxglove::Encode;
+use foxglove::messages::log::Level;
+use foxglove::messages::{FrameTransforms, Log, SceneUpdate};
+use mcap::McapError;
+use wire::proto;
+
+use super::file::{ChannelId, Encoder};
+use super::foxglove_messages as show;
+use crate::message::{Body, CHANNELS, Message, STEP_NANOSECONDS, schema};
+use crate::origin::Origin;
+use crate::strokes;
+
+/// The metadata record that says what the recording is of.
+pub const METADATA_RUN: &str = "reloop";
+/// Its entry with the run's settings (TOML).
+pub const METADATA_SETTINGS: &str = "run.toml";
+
+/// Writes one episode. Feed it messages in order; drain it with [`EpisodeWriter::take`].
+pub struct EpisodeWriter {
+    encoder: Encoder,
+    /// By the place of the channel in [`CHANNELS`].
+    own: [ChannelId; CHANNELS.len()],
+    shown: Shown,
+    origin: Origin,
+    /// Middle of the AV's box (m): plans and predictions have no height of their own.
+    height: f64,
+    /// The AV after the last step: no observation follows that would show it.
+    last: Option<(u32, proto::AgentState)>,
+    scratch: Vec<u8>,
+}
+
+/// The channels of Foxglove's messages.
+struct Shown {
+    map: ChannelId,
+    frames: ChannelId,
+    av: ChannelId,
+    agents: ChannelId,
+    signals: ChannelId,
+    predictions: ChannelId,
+    plan: ChannelId,
+    log: ChannelId,
+}
+
+fn add<T: Encode>(encoder: &mut Encoder, topic: &str) -> Result<ChannelId, McapError> {
+    let schema = T::get_schema().ok_or_else(|| McapError::UnknownSchema(topic.to_owned(), 0))?;
+    encoder.add_channel(topic, &schema.name, &schema.data)
+}
+
+impl EpisodeWriter {
+    /// A file of a run with these settings (TOML).
+    ///
+    /// # Errors
+    /// [`McapError`].
+    pub fn new(settings: &str) -> Result<Self, McapError> {
+        let mut encoder = Encoder::new()?;
+        let version = wire::WIRE_VERSION.to_string();
+        encoder.add_metadata(METADATA_RUN, &[(METADATA_SETTINGS, settings), ("wire_version", &version)])?;
+        let mut own = Vec::with_capacity(CHANNELS.len());
+        for channel in CHANNELS {
+            let topic = format!("/reloop/{}", channel.name());
+            own.push(encoder.add_channel(&topic, schema(channel), wire::FILE_DESCRIPTOR_SET)?);
+        }
+        let own = own.try_into().map_err(|_| McapError::TooManyChannels)?;
+        let shown = Shown {
+            map: add::<SceneUpdate>(&mut encoder, "/view/map")?,
+            frames: add::<FrameTransforms>(&mut encoder, "/tf")?,
+            av: add::<SceneUpdate>(&mut encoder, "/view/av")?,
+            agents: add::<SceneUpdate>(&mut encoder, "/view/agents")?,
+            signals: add::<SceneUpdate>(&mut encoder, "/view/signals")?,
+            predictions: add::<SceneUpdate>(&mut encoder, "/view/predictions")?,
+            plan: add::<SceneUpdate>(&mut encoder, "/view/plan")?,
+            log: add::<Log>(&mut encoder, "/log")?,
+        };
+        Ok(Self { encoder, own, shown, origin: Origin::default(), height: 0.0, last: None, scratch: Vec::new() })
+    }
+
+    /// Writes the next message, and what shows it.
+    ///
+    /// # Errors
+    /// [`McapError`].
+    pub fn write(&mut self, message: &Message) -> Result<(), McapError> {
+        let channel = message.channel();
+        if let Some(place) = CHANNELS.iter().position(|known| *known == channel) {
+            self.encoder.write(self.own[place], message.log_time(), &message.payload)?;
+        }
+        self.show(message)
+    }
+
+    /// Bytes for the file: whole records. Nothing while a chunk is open.
+    pub fn take(&mut self) -> Vec<u8> {
+        self.encoder.take()
+    }
+
+    /// Closes the open chunk, so that a file that is left as it is can be read to here.
+    ///
+    /// # Errors
+    /// [`McapError`].
+    pub fn close_chunk(&mut self) -> Result<(), McapError> {
+        self.encoder.close_chunk()
+    }
+
+    /// The last bytes of the file.
+    ///
+    /// # Errors
+    /// [`McapError`].
+    pub fn finish(self) -> Result<Vec<u8>, McapError> {
+        self.encoder.finish()
+    }
+
+    fn show(&mut self, message: &Message) -> Result<(), McapError> {
+        let step = message.step();
+        match &message.body {
+            Body::Scene(scene) => {
+                self.origin = Origin::of_scene(scene);
+                let map = show::map(scene, &self.origin);
+                self.put(self.shown.map, step, &map)
+            }
+            Body::Observation(observation) => {
+                if let Some(av) = &observation.av {
+                    self.height = av.z;
+                    self.show_av(step, av)?;
+                }
+                let agents = show::agents(observation, &self.origin);
+                self.put(self.shown.agents, step, &agents)?;
+                let signals = show::signals(observation, &self.origin);
+                self.put(self.shown.signals, step, &signals)
+            }
+            Body::Prediction(prediction) => {
+                let predictions = show::predictions(prediction, self.height, &self.origin);
+                self.put(self.shown.predictions, step, &predictions)
+            }
+            Body::Plan(plan) => {
+                let plan = show::plan(plan, self.height, &self.origin);
+                self.put(self.shown.plan, step, &plan)
+            }
+            Body::Record(record) => {
+                self.last = record.av.map(|av| (step + 1, av));
+                Ok(())
+            }
+            Body::Event(event) => {
+                let level = if strokes::is_grave(event) { Level::Error } else { Level::Warning };
+                let log = show::log(step, level, event.kind().as_str_name(), event.text.clone());
+                self.put(self.shown.log, step, &log)
+            }
+            Body::End(end) => {
+                if let Some((step, av)) = self.last.take() {
+                    self.show_av(step, &av)?;
+                }
+                let reason = strokes::end_sentence(end);
+                let log = show::log(step, Level::Info, "end", reason);
+                self.put(self.shown.log, step, &log)
+            }
+        }
+    }
+
+    fn show_av(&mut self, step: u32, av: &proto::AgentState) -> Result<(), McapError> {
+        let frames = show::frames(step, av, &self.origin);
+        self.put(self.shown.frames, step, &frames)?;
+        let av = show::av(step, av, &self.origin);
+        self.put(self.shown.av, step, &av)
+    }
+
+    fn put(&mut self, channel: ChannelId, step: u32, message: &impl prost::Message) -> Result<(), McapError> {
+        self.scratch.clear();
+        message.encode_raw(&mut self.scratch);
+        self.encoder.write(channel, u64::from(step) * STEP_NANOSECONDS, &self.scratch)
+    }
+}

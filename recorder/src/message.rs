@@ -1,0 +1,144 @@
+//! The product's messages as a recording holds them: the bytes that travelled, and what they say.
+
+use prost::{DecodeError, Message as _};
+use thiserror::Error;
+use wire::keys::Channel;
+use wire::proto;
+
+/// Length of a step (ns).
+pub const STEP_NANOSECONDS: u64 = 100_000_000;
+
+/// The channels that are recorded, in the order of an episode and, within it, of a step.
+pub const CHANNELS: [Channel; 7] = [
+    Channel::Scene,
+    Channel::Observation,
+    Channel::Prediction,
+    Channel::Plan,
+    Channel::Record,
+    Channel::Event,
+    Channel::End,
+];
+
+/// The full name of the protobuf message that travels on `channel`.
+#[must_use]
+pub fn schema(channel: Channel) -> &'static str {
+    match channel {
+        Channel::Scene => "reloop.v1.Scene",
+        Channel::Observation => "reloop.v1.Observation",
+        Channel::Prediction => "reloop.v1.Prediction",
+        Channel::Plan => "reloop.v1.Plan",
+        Channel::Record => "reloop.v1.StepRecord",
+        Channel::Event => "reloop.v1.Event",
+        Channel::End => "reloop.v1.EpisodeEnd",
+        Channel::Recorded => "reloop.v1.Recorded",
+    }
+}
+
+/// Why bytes are no message of a recording.
+#[derive(Debug, Error)]
+pub enum MessageError {
+    /// They do not decode.
+    #[error("the bytes are no {}: {source}", schema(*channel))]
+    Malformed {
+        /// Where they came.
+        channel: Channel,
+        /// What is wrong.
+        source: DecodeError,
+    },
+    /// They are the recorder's own answer.
+    #[error("what the recorder itself says is not recorded")]
+    NotRecorded,
+}
+
+/// What a message says.
+#[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs, reason = "as the channels")]
+pub enum Body {
+    Scene(Box<proto::Scene>),
+    Observation(Box<proto::Observation>),
+    Prediction(proto::Prediction),
+    Plan(proto::Plan),
+    Record(Box<proto::StepRecord>),
+    Event(proto::Event),
+    End(proto::EpisodeEnd),
+}
+
+/// A message: its bytes, as they came, and their meaning.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Message {
+    /// What it says.
+    pub body: Body,
+    /// The bytes that are recorded. They are never encoded anew, so a node's own fields survive.
+    pub payload: Vec<u8>,
+}
+
+impl Message {
+    /// Reads `payload` as a message of `channel`.
+    ///
+    /// # Errors
+    /// [`MessageError`] if it is no such message.
+    pub fn decode(channel: Channel, payload: Vec<u8>) -> Result<Self, MessageError> {
+        let bytes = payload.as_slice();
+        let body = match channel {
+            Channel::Scene => proto::Scene::decode(bytes).map(|message| Body::Scene(Box::new(message))),
+            Channel::Observation => proto::Observation::decode(bytes).map(|message| Body::Observation(Box::new(message))),
+            Channel::Prediction => proto::Prediction::decode(bytes).map(Body::Prediction),
+            Channel::Plan => proto::Plan::decode(bytes).map(Body::Plan),
+            Channel::Record => proto::StepRecord::decode(bytes).map(|message| Body::Record(Box::new(message))),
+            Channel::Event => proto::Event::decode(bytes).map(Body::Event),
+            Channel::End => proto::EpisodeEnd::decode(bytes).map(Body::End),
+            Channel::Recorded => return Err(MessageError::NotRecorded),
+        };
+        let body = body.map_err(|source| MessageError::Malformed { channel, source })?;
+        Ok(Self { body, payload })
+    }
+
+    /// The message that says `body`, encoded here.
+    #[must_use]
+    pub fn encode(body: Body) -> Self {
+        let payload = match &body {
+            Body::Scene(message) => message.encode_to_vec(),
+            Body::Observation(message) => message.encode_to_vec(),
+            Body::Prediction(message) => message.encode_to_vec(),
+            Body::Plan(message) => message.encode_to_vec(),
+            Body::Record(message) => message.encode_to_vec(),
+            Body::Event(message) => message.encode_to_vec(),
+            Body::End(message) => message.encode_to_vec(),
+        };
+        Self { body, payload }
+    }
+
+    /// What kind of message it is.
+    #[must_use]
+    pub fn channel(&self) -> Channel {
+        match self.body {
+            Body::Scene(_) => Channel::Scene,
+            Body::Observation(_) => Channel::Observation,
+            Body::Prediction(_) => Channel::Prediction,
+            Body::Plan(_) => Channel::Plan,
+            Body::Record(_) => Channel::Record,
+            Body::Event(_) => Channel::Event,
+            Body::End(_) => Channel::End,
+        }
+    }
+
+    /// The step that it belongs to: 0 for the scene, one past the last for the end.
+    #[must_use]
+    pub fn step(&self) -> u32 {
+        match &self.body {
+            Body::Scene(_) => 0,
+            Body::Observation(message) => message.step,
+            Body::Prediction(message) => message.step,
+            Body::Plan(message) => message.step,
+            Body::Record(message) => message.step,
+            Body::Event(message) => message.step,
+            Body::End(message) => message.steps,
+        }
+    }
+
+    /// Simulated time of [`Message::step`] since the first step driven (ns).
+    #[must_use]
+    pub fn log_time(&self) -> u64 {
+        u64::from(self.step()) * STEP_NANOSECONDS
+    }
+}

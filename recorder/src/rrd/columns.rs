@@ -1,0 +1,206 @@
+//! What changes from step to step, gathered as columns: a row a step, sent as one chunk an entity.
+
+use re_chunk::EntityPath;
+use re_sdk_types::archetypes::{Boxes3D, LineStrips3D, Points3D, Scalars, TextLog};
+use re_sdk_types::components::{Color, FillMode, LineStrip3D, Radius};
+use re_sdk_types::datatypes::Quaternion;
+use wire::proto;
+
+use super::store::{RrdError, Store};
+use crate::origin::{Origin, quaternion};
+use crate::palette::Rgba;
+
+/// A colour as Rerun takes it.
+pub fn color([red, green, blue, opacity]: Rgba) -> Color {
+    Color::from_unmultiplied_rgba(red, green, blue, opacity)
+}
+
+/// The rows of one entity: at which step, and how many instances.
+#[derive(Default)]
+struct Rows {
+    steps: Vec<u32>,
+    lengths: Vec<usize>,
+}
+
+impl Rows {
+    fn push(&mut self, step: u32, length: usize) {
+        self.steps.push(step);
+        self.lengths.push(length);
+    }
+
+    fn is_blank(&self) -> bool {
+        self.lengths.iter().all(|length| *length == 0)
+    }
+}
+
+/// Boxes of one colour.
+#[derive(Default)]
+pub struct Boxes {
+    rows: Rows,
+    centers: Vec<[f32; 3]>,
+    half_sizes: Vec<[f32; 3]>,
+    turns: Vec<Quaternion>,
+    labels: Vec<String>,
+}
+
+impl Boxes {
+    /// The boxes of a step, with their labels.
+    pub fn push<'a>(
+        &mut self,
+        step: u32,
+        boxes: impl Iterator<Item = (&'a proto::AgentState, String)>,
+        origin: &Origin,
+    ) {
+        let before = self.centers.len();
+        for (state, label) in boxes {
+            self.centers.push(origin.place(state.x, state.y, state.z));
+            self.half_sizes.push([state.length, state.width, state.height].map(|size| 0.5 * size as f32));
+            self.turns.push(Quaternion::from_xyzw(quaternion(state.heading).map(|part| part as f32)));
+            self.labels.push(label);
+        }
+        self.rows.push(step, self.centers.len() - before);
+    }
+
+    /// Writes them, filled; nothing where there was never a box.
+    pub fn log(self, store: &mut Store<'_>, path: impl Into<EntityPath>, rgba: Rgba) -> Result<(), RrdError> {
+        if self.rows.is_blank() {
+            return Ok(());
+        }
+        let path = path.into();
+        let style = Boxes3D::update_fields()
+            .with_colors([color(rgba)])
+            .with_fill_mode(FillMode::Solid)
+            .with_show_labels(false);
+        store.log(path.clone(), &style)?;
+        let boxes = Boxes3D::update_fields()
+            .with_centers(self.centers)
+            .with_half_sizes(self.half_sizes)
+            .with_quaternions(self.turns)
+            .with_labels(self.labels);
+        store.log_columns(path, &self.rows.steps, boxes.columns(self.rows.lengths)?)
+    }
+}
+
+/// Lines, each with its colour and width (points on the screen).
+#[derive(Default)]
+pub struct Lines {
+    rows: Rows,
+    strips: Vec<LineStrip3D>,
+    colors: Vec<Color>,
+    radii: Vec<Radius>,
+}
+
+impl Lines {
+    /// The lines of a step.
+    pub fn push(&mut self, step: u32, lines: impl Iterator<Item = (Vec<[f32; 3]>, Rgba, f32)>) {
+        let before = self.strips.len();
+        for (points, rgba, width) in lines {
+            self.strips.push(LineStrip3D::from_iter(points));
+            self.colors.push(color(rgba));
+            self.radii.push(Radius::new_ui_points(0.5 * width));
+        }
+        self.rows.push(step, self.strips.len() - before);
+    }
+
+    /// Writes them; nothing where there was never a line.
+    pub fn log(self, store: &mut Store<'_>, path: impl Into<EntityPath>) -> Result<(), RrdError> {
+        if self.rows.is_blank() {
+            return Ok(());
+        }
+        let lines =
+            LineStrips3D::update_fields().with_strips(self.strips).with_colors(self.colors).with_radii(self.radii);
+        store.log_columns(path, &self.rows.steps, lines.columns(self.rows.lengths)?)
+    }
+}
+
+/// Points, each with its colour.
+#[derive(Default)]
+pub struct Points {
+    rows: Rows,
+    positions: Vec<[f32; 3]>,
+    colors: Vec<Color>,
+    labels: Vec<String>,
+}
+
+impl Points {
+    /// The points of a step.
+    pub fn push(&mut self, step: u32, points: impl Iterator<Item = ([f32; 3], Rgba, String)>) {
+        let before = self.positions.len();
+        for (position, rgba, label) in points {
+            self.positions.push(position);
+            self.colors.push(color(rgba));
+            self.labels.push(label);
+        }
+        self.rows.push(step, self.positions.len() - before);
+    }
+
+    /// Writes them with that radius (m); nothing where there was never a point.
+    pub fn log(self, store: &mut Store<'_>, path: impl Into<EntityPath>, radius: f32) -> Result<(), RrdError> {
+        if self.rows.is_blank() {
+            return Ok(());
+        }
+        let path = path.into();
+        let style =
+            Points3D::update_fields().with_radii([Radius::new_scene_units(radius)]).with_show_labels(false);
+        store.log(path.clone(), &style)?;
+        let points = Points3D::update_fields()
+            .with_positions(self.positions)
+            .with_colors(self.colors)
+            .with_labels(self.labels);
+        store.log_columns(path, &self.rows.steps, points.columns(self.rows.lengths)?)
+    }
+}
+
+/// A number a step, for a plot.
+#[derive(Default)]
+pub struct Series {
+    steps: Vec<u32>,
+    values: Vec<f64>,
+}
+
+impl Series {
+    /// The value at a step; a gap where there is none.
+    pub fn push(&mut self, step: u32, value: Option<f64>) {
+        self.steps.push(step);
+        self.values.push(value.unwrap_or(f64::NAN));
+    }
+
+    /// Whether there is nothing to plot.
+    pub fn is_blank(&self) -> bool {
+        self.values.iter().all(|value| value.is_nan())
+    }
+
+    /// Writes it.
+    pub fn log(self, store: &mut Store<'_>, path: impl Into<EntityPath>) -> Result<(), RrdError> {
+        let columns = Scalars::update_fields().with_scalars(self.values).columns_of_unit_batches()?;
+        store.log_columns(path, &self.steps, columns)
+    }
+}
+
+/// Lines of a log.
+#[derive(Default)]
+pub struct Texts {
+    steps: Vec<u32>,
+    texts: Vec<String>,
+    levels: Vec<String>,
+    colors: Vec<Color>,
+}
+
+impl Texts {
+    /// A line.
+    pub fn push(&mut self, step: u32, text: String, level: &str, rgba: Rgba) {
+        self.steps.push(step);
+        self.texts.push(text);
+        self.levels.push(level.to_owned());
+        self.colors.push(color(rgba));
+    }
+
+    /// Writes them.
+    pub fn log(self, store: &mut Store<'_>, path: impl Into<EntityPath>) -> Result<(), RrdError> {
+        let texts = TextLog::update_fields()
+            .with_many_text(self.texts)
+            .with_many_level(self.levels)
+            .with_many_color(self.colors);
+        store.log_columns(path, &self.steps, texts.columns_of_unit_batches()?)
+    }
+}

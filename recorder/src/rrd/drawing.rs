@@ -1,0 +1,208 @@
+//! Messages in canonical order to the bytes of an episode's Rerun file.
+
+use re_log_encoding::Encoder;
+use re_sdk_types::archetypes::{LineStrips3D, Points3D, SeriesLines, TextDocument, ViewCoordinates};
+use re_sdk_types::components::{LineStrip3D, Radius};
+use wire::proto::{self, AgentKind};
+
+use super::blueprint;
+use super::columns::{Boxes, Lines, Points, Series, Texts, color};
+use super::store::{RrdError, Store};
+use crate::layers::{layers, stop_signs};
+use crate::message::{Body, Message};
+use crate::origin::Origin;
+use crate::palette::{self, Rgba};
+use crate::strokes;
+
+/// Kinds of agents, each an entity of its own, so that it can be hidden.
+const KINDS: [(AgentKind, &str); 4] = [
+    (AgentKind::Vehicle, "world/agents/vehicles"),
+    (AgentKind::Pedestrian, "world/agents/pedestrians"),
+    (AgentKind::Cyclist, "world/agents/cyclists"),
+    (AgentKind::Other, "world/agents/others"),
+];
+
+/// Drawn above the ground, so that the paint below does not shine through (m).
+const LIFT: f64 = 0.3;
+
+/// What is plotted.
+#[derive(Default)]
+struct Plots {
+    speed: Series,
+    limit: Series,
+    acceleration: Series,
+    steering: Series,
+    time_to_collision: Series,
+}
+
+/// A drawing of one episode that grows with its messages; columns of small numbers, a few megabytes at most.
+#[derive(Default)]
+pub struct Drawing {
+    scene: Option<Box<proto::Scene>>,
+    origin: Origin,
+    /// Ground below the AV (m, the log's frame): plans and predictions have no height of their own.
+    ground: f64,
+    agents: [Boxes; KINDS.len()],
+    av: Boxes,
+    plan: Lines,
+    predictions: Lines,
+    signals: Points,
+    plots: Plots,
+    events: Texts,
+    /// The AV after the last step: no observation follows that would show it.
+    last: Option<(u32, proto::AgentState)>,
+    end: Option<proto::EpisodeEnd>,
+}
+
+impl Drawing {
+    /// Draws the next message.
+    pub fn push(&mut self, message: &Message) {
+        let step = message.step();
+        match &message.body {
+            Body::Scene(scene) => {
+                self.origin = Origin::of_scene(scene);
+                // The history is long and not drawn.
+                self.scene = Some(Box::new(proto::Scene { history: Vec::new(), ..(**scene).clone() }));
+            }
+            Body::Observation(observation) => self.observe(observation),
+            Body::Prediction(prediction) => {
+                let futures = prediction.futures.iter().flat_map(|future| {
+                    let rgba = palette::prediction(future.probability);
+                    let width = 1.0 + 1.5 * future.probability.clamp(0.0, 1.0) as f32;
+                    let lines = strokes::future(future, self.ground + LIFT, &self.origin);
+                    lines.into_iter().map(move |points| (points, rgba, width))
+                });
+                self.predictions.push(step, futures);
+            }
+            Body::Plan(plan) => {
+                let points = strokes::plan(plan, self.ground + LIFT, &self.origin);
+                self.plan.push(step, std::iter::once((points, palette::PLAN, 4.0)));
+            }
+            Body::Record(record) => self.record(record),
+            Body::Event(event) => {
+                let (level, rgba) = if strokes::is_grave(event) {
+                    ("ERROR", palette::signal(proto::SignalState::Stop))
+                } else {
+                    ("WARN", palette::signal(proto::SignalState::Caution))
+                };
+                self.events.push(step, event.text.clone(), level, rgba);
+            }
+            Body::End(end) => {
+                self.events.push(step, strokes::end_sentence(end), "INFO", palette::PLAN);
+                self.end = Some(end.clone());
+            }
+        }
+    }
+
+    fn observe(&mut self, observation: &proto::Observation) {
+        let step = observation.step;
+        if let Some(av) = &observation.av {
+            self.ground = av.z - 0.5 * av.height;
+            self.av.push(step, std::iter::once((av, "AV".to_owned())), &self.origin);
+        }
+        for ((kind, _), boxes) in KINDS.iter().zip(&mut self.agents) {
+            let of_kind = observation.agents.iter().filter(|agent| agent.kind() == *kind);
+            let labelled =
+                of_kind.filter_map(|agent| Some((agent.state.as_ref()?, format!("{} {}", strokes::kind_name(*kind), agent.track))));
+            boxes.push(step, labelled, &self.origin);
+        }
+        let lights = observation.signals.iter().map(|signal| {
+            let position = self.origin.place(signal.stop_x, signal.stop_y, signal.stop_z + LIFT);
+            (position, palette::signal(signal.state()), format!("lane {}", signal.lane))
+        });
+        self.signals.push(step, lights);
+    }
+
+    fn record(&mut self, record: &proto::StepRecord) {
+        let (step, plots) = (record.step, &mut self.plots);
+        let speed = record.av.as_ref().map(|av| libm::hypot(av.velocity_x, av.velocity_y));
+        plots.speed.push(step, speed);
+        plots.limit.push(step, Some(record.speed_limit).filter(|limit| *limit > 0.0));
+        plots.acceleration.push(step, record.control.as_ref().map(|control| control.acceleration));
+        plots.steering.push(step, record.control.as_ref().map(|control| control.steering));
+        plots.time_to_collision.push(step, record.time_to_collision);
+        self.last = record.av.map(|av| (step + 1, av));
+    }
+
+    /// The file: `run` and the scene name the recording, `settings` (TOML) are shown beside it.
+    ///
+    /// # Errors
+    /// [`RrdError`].
+    pub fn finish(mut self, run: &str, settings: &str) -> Result<Vec<u8>, RrdError> {
+        if let Some((step, av)) = self.last.take() {
+            self.av.push(step, std::iter::once((&av, "AV".to_owned())), &self.origin);
+        }
+        let scene = self.scene.take().unwrap_or_default();
+        let name = format!("{run}/{}", scene.scene);
+        let mut encoder = Encoder::local()?;
+        // Its index is in the order of a hash map, another each time; viewers do without.
+        encoder.do_not_emit_footer();
+        blueprint::write(Store::blueprint(&mut encoder, &format!("{name}/blueprint"))?, &self.origin)?;
+        let mut store = Store::recording(&mut encoder, &name)?;
+        store.log("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;
+        store.log("settings", &TextDocument::from_markdown(format!("```toml\n{}\n```\n", settings.trim_end())))?;
+        self.write_map(&mut store, &scene)?;
+        self.write_steps(&mut store)?;
+        encoder.finish()?;
+        Ok(encoder.into_inner()?)
+    }
+
+    fn write_map(&self, store: &mut Store<'_>, scene: &proto::Scene) -> Result<(), RrdError> {
+        for layer in layers(scene, &self.origin) {
+            let colors = layer.lines.iter().map(|(_, rgba)| color(*rgba)).collect::<Vec<_>>();
+            let strips = layer.lines.into_iter().map(|(points, _)| LineStrip3D::from_iter(points));
+            let lines = LineStrips3D::new(strips)
+                .with_colors(colors)
+                .with_radii([Radius::new_ui_points(0.5 * layer.width)]);
+            store.log(format!("world/{}", layer.name), &lines)?;
+        }
+        let signs = stop_signs(scene, &self.origin);
+        if !signs.is_empty() {
+            let points = Points3D::new(signs)
+                .with_colors([color(palette::STOP_SIGN)])
+                .with_radii([Radius::new_scene_units(0.45)]);
+            store.log("world/map/stop_signs", &points)?;
+        }
+        Ok(())
+    }
+
+    fn write_steps(self, store: &mut Store<'_>) -> Result<(), RrdError> {
+        for ((kind, path), boxes) in KINDS.into_iter().zip(self.agents) {
+            boxes.log(store, path, palette::agent(kind))?;
+        }
+        self.av.log(store, "world/av", palette::AV)?;
+        self.predictions.log(store, "world/predictions")?;
+        self.plan.log(store, "world/plan")?;
+        self.signals.log(store, "world/signals", 0.7)?;
+        let plots = self.plots;
+        let series: [(&str, &str, Series, Rgba); 5] = [
+            ("plots/speed/av", "speed", plots.speed, palette::AV),
+            ("plots/speed/limit", "limit", plots.limit, palette::LIMIT),
+            ("plots/acceleration", "acceleration", plots.acceleration, palette::agent(AgentKind::Pedestrian)),
+            ("plots/steering", "steering", plots.steering, palette::agent(AgentKind::Cyclist)),
+            ("plots/time_to_collision", "time to collision", plots.time_to_collision, palette::signal(proto::SignalState::Stop)),
+        ];
+        for (path, name, series, rgba) in series {
+            let style = SeriesLines::new().with_colors([color(rgba)]).with_names([name]).with_widths([1.6]);
+            store.log(path, &style)?;
+            if !series.is_blank() {
+                series.log(store, path)?;
+            }
+        }
+        self.events.log(store, "events")?;
+        if let Some(end) = &self.end {
+            store.log("outcome", &TextDocument::from_markdown(outcome(end)))?;
+        }
+        Ok(())
+    }
+}
+
+/// How it ended, as Markdown.
+fn outcome(end: &proto::EpisodeEnd) -> String {
+    let mut text = format!("{}\n\n| metric | value |\n| --- | ---: |\n", strokes::end_sentence(end));
+    for metric in &end.metrics {
+        let value = metric.value.map_or_else(|| "-".to_owned(), |value| format!("{value:.3}"));
+        text.push_str(&format!("| {} | {value} |\n", metric.name));
+    }
+    text
+}

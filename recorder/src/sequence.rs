@@ -1,0 +1,267 @@
+//! An episode's messages in canonical order, whatever the order in which they arrive.
+//!
+//! They come from several processes, so no two drives deliver them alike; recordings are to be byte-identical all the same.
+//! The order is: scene; for each step its observation, prediction (if the run has a predictor), plan, record and events;
+//! end. A step is given out as soon as it is complete, so that a recorder that is killed leaves all steps before.
+//!
+//! Only what the simulator accepted is recorded: a plan or prediction counts where a record of its step follows. Whatever a
+//! node sends beyond that (a second answer, an answer to no question) is left out.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use thiserror::Error;
+use wire::proto;
+
+use crate::message::{Body, Message};
+
+/// The most bytes of an episode that may wait for what comes before them. An honest episode of 300 agents waits with a few
+/// megabytes; only a node that floods the bus gets here.
+pub const WAITING_BYTES: usize = 256 << 20;
+
+/// Why no more messages of an episode are taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum SequenceError {
+    /// Too much waits.
+    #[error("more than {} MiB of messages wait for an earlier one that is missing (step {step})", WAITING_BYTES >> 20)]
+    Flooded {
+        /// The first step that is not complete.
+        step: u32,
+    },
+}
+
+/// How many messages of each channel there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[allow(missing_docs, reason = "as the channels")]
+pub struct Counts {
+    pub observations: u32,
+    pub predictions: u32,
+    pub plans: u32,
+    pub records: u32,
+    pub events: u32,
+}
+
+impl Counts {
+    /// What the simulator says it sent and accepted.
+    #[must_use]
+    pub fn of_end(end: &proto::EpisodeEnd) -> Self {
+        Self {
+            observations: end.observations,
+            predictions: end.predictions,
+            plans: end.plans,
+            records: end.records,
+            events: end.events,
+        }
+    }
+
+    /// The first channel whose number is not the `expected` one, and both numbers.
+    #[must_use]
+    pub fn first_difference(&self, expected: &Self) -> Option<(&'static str, u32, u32)> {
+        [
+            ("observations", self.observations, expected.observations),
+            ("predictions", self.predictions, expected.predictions),
+            ("plans", self.plans, expected.plans),
+            ("records", self.records, expected.records),
+            ("events", self.events, expected.events),
+        ]
+        .into_iter()
+        .find(|(_, arrived, expected)| arrived != expected)
+    }
+}
+
+/// The messages of one step, so far.
+#[derive(Default)]
+struct Slot {
+    observation: Option<Message>,
+    prediction: Option<Message>,
+    plan: Option<Message>,
+    record: Option<Message>,
+    events: Vec<Message>,
+    /// Events that the record announces; unknown until it is here.
+    expected_events: Option<u32>,
+}
+
+impl Slot {
+    fn is_complete(&self, predictor: bool) -> bool {
+        self.observation.is_some()
+            && self.plan.is_some()
+            && self.record.is_some()
+            && (!predictor || self.prediction.is_some())
+            && self.expected_events.is_some_and(|expected| self.events.len() as u64 >= u64::from(expected))
+    }
+
+    /// What of it counts, in order.
+    fn into_messages(mut self) -> impl Iterator<Item = Message> {
+        if self.record.is_none() {
+            self.plan = None;
+            self.prediction = None;
+        }
+        // Events of a step come in no order that all deliveries share but that of their bytes: kind, then text.
+        self.events.sort_by(|a, b| a.payload.cmp(&b.payload));
+        let answers = [self.observation, self.prediction, self.plan, self.record];
+        answers.into_iter().flatten().chain(self.events)
+    }
+
+    fn count(&self, counts: &mut Counts) {
+        counts.observations += u32::from(self.observation.is_some());
+        counts.records += u32::from(self.record.is_some());
+        counts.plans += u32::from(self.record.is_some() && self.plan.is_some());
+        counts.predictions += u32::from(self.record.is_some() && self.prediction.is_some());
+        counts.events += self.events.len() as u32;
+    }
+}
+
+/// The messages of one episode on their way into order. Pure: knows no bus, no file and no clock.
+pub struct Sequence {
+    /// Whether a step waits for a prediction.
+    predictor: bool,
+    /// Until it is here nothing is given out.
+    scene: Option<Message>,
+    scene_given: bool,
+    /// Steps that are not complete, or come after one that is not.
+    steps: BTreeMap<u32, Slot>,
+    /// The first step that is not complete.
+    next_step: u32,
+    end: Option<Message>,
+    ready: VecDeque<Message>,
+    /// Of what was given out.
+    given: Counts,
+    waiting_bytes: usize,
+    ignored: u64,
+}
+
+impl Sequence {
+    /// The empty sequence of a run that has a predictor, or none.
+    #[must_use]
+    pub fn new(predictor: bool) -> Self {
+        Self {
+            predictor,
+            scene: None,
+            scene_given: false,
+            steps: BTreeMap::new(),
+            next_step: 0,
+            end: None,
+            ready: VecDeque::new(),
+            given: Counts::default(),
+            waiting_bytes: 0,
+            ignored: 0,
+        }
+    }
+
+    /// Takes a message, in whatever order. What nobody waits for is ignored: a second message where one belongs, a step that
+    /// is already given out.
+    ///
+    /// # Errors
+    /// [`SequenceError::Flooded`]; the sequence is then of no use but for [`Sequence::close`].
+    pub fn push(&mut self, message: Message) -> Result<(), SequenceError> {
+        let bytes = message.payload.len();
+        if self.place(message) {
+            self.waiting_bytes += bytes;
+        } else {
+            self.ignored += 1;
+        }
+        self.give_complete_steps();
+        if self.waiting_bytes > WAITING_BYTES {
+            return Err(SequenceError::Flooded { step: self.next_step });
+        }
+        Ok(())
+    }
+
+    /// The next message in order, if it is certain which.
+    pub fn pop(&mut self) -> Option<Message> {
+        self.ready.pop_front()
+    }
+
+    /// Whether the end is here, and all that it counts.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.scene_given && self.end().is_some_and(|end| self.counts() == Counts::of_end(end))
+    }
+
+    /// How the episode ended, once that is known.
+    #[must_use]
+    pub fn end(&self) -> Option<&proto::EpisodeEnd> {
+        match &self.end.as_ref()?.body {
+            Body::End(end) => Some(end),
+            _ => None,
+        }
+    }
+
+    /// What arrived and counts.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        let mut counts = self.given;
+        self.steps.values().for_each(|slot| slot.count(&mut counts));
+        counts
+    }
+
+    /// Messages that nobody waited for.
+    #[must_use]
+    pub fn ignored(&self) -> u64 {
+        self.ignored
+    }
+
+    /// Gives out all that is here, complete or not. Call it when the episode is whole, or nothing more will come.
+    pub fn close(&mut self) {
+        self.give_scene();
+        for (_, slot) in std::mem::take(&mut self.steps) {
+            slot.count(&mut self.given);
+            self.ready.extend(slot.into_messages());
+        }
+        self.ready.extend(self.end.take());
+        self.waiting_bytes = 0;
+    }
+
+    /// Puts the message where it belongs; false where it belongs nowhere.
+    fn place(&mut self, message: Message) -> bool {
+        let step = message.step();
+        let place = match &message.body {
+            Body::Scene(_) if self.scene_given => return false,
+            Body::Scene(_) => &mut self.scene,
+            Body::End(_) => &mut self.end,
+            Body::Prediction(_) if !self.predictor => return false,
+            _ if step < self.next_step => return false,
+            body => {
+                let slot = self.steps.entry(step).or_default();
+                match body {
+                    Body::Observation(_) => &mut slot.observation,
+                    Body::Prediction(_) => &mut slot.prediction,
+                    Body::Plan(_) => &mut slot.plan,
+                    Body::Record(record) => {
+                        slot.expected_events.get_or_insert(record.events);
+                        &mut slot.record
+                    }
+                    _ => {
+                        slot.events.push(message);
+                        return true;
+                    }
+                }
+            }
+        };
+        if place.is_some() {
+            return false;
+        }
+        *place = Some(message);
+        true
+    }
+
+    fn give_scene(&mut self) {
+        if let Some(scene) = self.scene.take() {
+            self.waiting_bytes -= scene.payload.len().min(self.waiting_bytes);
+            self.ready.push_back(scene);
+            self.scene_given = true;
+        }
+    }
+
+    fn give_complete_steps(&mut self) {
+        self.give_scene();
+        while self.scene_given && self.steps.get(&self.next_step).is_some_and(|slot| slot.is_complete(self.predictor)) {
+            let Some(slot) = self.steps.remove(&self.next_step) else { break };
+            slot.count(&mut self.given);
+            for message in slot.into_messages() {
+                self.waiting_bytes -= message.payload.len().min(self.waiting_bytes);
+                self.ready.push_back(message);
+            }
+            self.next_step += 1;
+        }
+    }
+}

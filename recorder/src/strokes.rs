@@ -1,0 +1,72 @@
+//! Plans and predictions as lines, the same for every kind of file.
+
+use wire::proto;
+
+use crate::origin::Origin;
+
+/// Every how many poses of 0.1 s a prediction is drawn: a viewer cannot tell, and files shrink to a fifth.
+const PREDICTION_STRIDE: usize = 5;
+
+/// Predictions that stay within this distance (m) are not drawn: parked cars would be dots of noise.
+const STILL: f32 = 0.5;
+
+/// The plan's states at a height (m, the log's frame).
+#[must_use]
+pub fn plan(plan: &proto::Plan, height: f64, origin: &Origin) -> Vec<[f32; 3]> {
+    plan.states.iter().map(|state| origin.place(state.x, state.y, height)).collect()
+}
+
+/// The trajectories of a future that lead anywhere, at a height (m, the log's frame).
+#[must_use]
+pub fn future(future: &proto::Future, height: f64, origin: &Origin) -> Vec<Vec<[f32; 3]>> {
+    let line = |trajectory: &proto::PredictedTrajectory| -> Vec<[f32; 3]> {
+        let poses = trajectory.x.iter().zip(&trajectory.y);
+        let last = poses.len().saturating_sub(1);
+        let kept = poses.enumerate().filter(|(index, _)| index % PREDICTION_STRIDE == 0 || *index == last);
+        kept.map(|(_, (x, y))| origin.place(*x, *y, height)).collect()
+    };
+    let leads_anywhere = |points: &Vec<[f32; 3]>| match (points.first(), points.last()) {
+        (Some(first), Some(last)) => (first[0] - last[0]).abs() + (first[1] - last[1]).abs() > STILL,
+        _ => false,
+    };
+    future.trajectories.iter().map(line).filter(leads_anywhere).collect()
+}
+
+/// What an agent is, in a word.
+#[must_use]
+pub fn kind_name(kind: proto::AgentKind) -> &'static str {
+    match kind {
+        proto::AgentKind::Vehicle => "vehicle",
+        proto::AgentKind::Pedestrian => "pedestrian",
+        proto::AgentKind::Cyclist => "cyclist",
+        proto::AgentKind::Other => "other",
+    }
+}
+
+/// Whether an event is as bad as its kind sounds, or only worth a look.
+#[must_use]
+pub fn is_grave(event: &proto::Event) -> bool {
+    use proto::event::Kind;
+    let counts = matches!(
+        event.kind(),
+        Kind::Collision | Kind::OffRoute | Kind::OffRoad | Kind::RedLight | Kind::WrongWay | Kind::DriverFailed
+    );
+    counts && !event.netted && (event.kind() != Kind::Collision || event.at_fault)
+}
+
+/// How an episode ended, in a sentence.
+#[must_use]
+pub fn end_sentence(end: &proto::EpisodeEnd) -> String {
+    use proto::EndReason;
+    let reason = match end.reason() {
+        EndReason::Unspecified => "ended",
+        EndReason::Horizon => "horizon reached",
+        EndReason::LogEnd => "end of the log",
+        EndReason::Collision => "collision",
+        EndReason::OffRoute => "off route",
+        EndReason::Undrivable => "undrivable",
+        EndReason::DriverFailed => "driver failed",
+    };
+    let steps = end.steps;
+    if end.detail.is_empty() { format!("{reason} after {steps} steps") } else { format!("{reason} after {steps} steps: {}", end.detail) }
+}

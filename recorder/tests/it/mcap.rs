@@ -1,0 +1,170 @@
+//! What an MCAP file holds, and that its bytes depend on nothing else.
+
+use recorder::mcap::{EpisodeWriter, read};
+use recorder::message::Body;
+
+use crate::synthetic::{self, BUSY, SMALL, Size};
+use crate::{mcap_of, rrd_of};
+
+#[test]
+fn two_writes_are_the_same_bytes() {
+    let episode = synthetic::episode("s", SMALL);
+    // Two writers in one process have different hash seeds already.
+    assert!((0..5).all(|_| mcap_of(&episode) == mcap_of(&episode)));
+}
+
+#[test]
+fn what_is_read_is_what_was_written() {
+    let episode = synthetic::episode("s", SMALL);
+    let contents = read(&mcap_of(&episode)).unwrap();
+    assert_eq!(contents.messages, episode);
+    assert_eq!(contents.settings, synthetic::SETTINGS);
+    assert_eq!(contents.cut, None);
+    assert_eq!(contents.last_step, 5);
+}
+
+#[test]
+fn the_summary_agrees_with_the_data_and_its_checksum_holds() {
+    let bytes = mcap_of(&synthetic::episode("s", SMALL));
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    let stats = summary.stats.unwrap();
+    assert_eq!(stats.message_count, mcap::MessageStream::new(&bytes).unwrap().count() as u64);
+    assert_eq!(stats.channel_count, 15);
+    assert_eq!(summary.channels.len(), 15);
+    for (id, channel) in &summary.channels {
+        assert_eq!(*id, channel.id);
+        assert_eq!(channel.message_encoding, "protobuf");
+    }
+}
+
+#[test]
+fn the_channels_and_their_counts() {
+    let contents = read(&mcap_of(&synthetic::episode("s", SMALL))).unwrap();
+    let rows = contents.channels.iter().map(|(topic, channel)| format!("{topic:<20} {:<26} {}", channel.schema, channel.messages));
+    insta::assert_snapshot!(rows.collect::<Vec<_>>().join("\n"));
+}
+
+#[test]
+fn boxes_are_drawn_near_the_frame_s_origin() {
+    use foxglove::messages::{FrameTransforms, SceneUpdate};
+    use prost::Message as _;
+    let bytes = mcap_of(&synthetic::episode("s", SMALL));
+    for message in mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap) {
+        match message.channel.topic.as_str() {
+            "/view/agents" | "/view/av" => {
+                let update = SceneUpdate::decode(&*message.data).unwrap();
+                assert!(!update.entities.is_empty());
+                for cube in update.entities.iter().flat_map(|entity| &entity.cubes) {
+                    let position = cube.pose.clone().unwrap().position.unwrap();
+                    assert!(position.x.abs() < 300.0 && position.y.abs() < 300.0 && position.z.abs() < 5.0, "{position:?}");
+                }
+            }
+            "/tf" => {
+                let frames = FrameTransforms::decode(&*message.data).unwrap().transforms;
+                let shift = frames[0].translation.unwrap();
+                assert_eq!((frames[0].parent_frame_id.as_str(), frames[0].child_frame_id.as_str()), ("map", "scene"));
+                assert_eq!((shift.x, shift.y, shift.z), (8_341.0, -9_379.0, 31.0));
+            }
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn one_decoded_step() {
+    use foxglove::messages::{FrameTransforms, Log, SceneUpdate};
+    use prost::Message as _;
+    let bytes = mcap_of(&synthetic::episode("s", Size { agents: 1, steps: 1, futures: 1 }));
+    let mut text = String::new();
+    for message in mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap) {
+        let shown = match message.channel.topic.as_str() {
+            "/view/agents" | "/view/av" | "/view/signals" => format!("{:#?}", SceneUpdate::decode(&*message.data).unwrap()),
+            "/tf" => format!("{:#?}", FrameTransforms::decode(&*message.data).unwrap()),
+            "/log" => format!("{:#?}", Log::decode(&*message.data).unwrap()),
+            _ => format!("{} bytes", message.data.len()),
+        };
+        text += &format!("{} at {} ns\n{shown}\n", message.channel.topic, message.log_time);
+    }
+    insta::assert_snapshot!(text);
+}
+
+#[test]
+fn a_cut_file_is_read_up_to_its_last_chunk() {
+    let size = Size { agents: 40, steps: 60, futures: 1 };
+    let episode = synthetic::episode("s", size);
+    let mut writer = EpisodeWriter::new(synthetic::SETTINGS).unwrap();
+    let mut on_disk = Vec::new();
+    // Killed here: chunks that were open are gone.
+    for message in &episode[..200] {
+        writer.write(message).unwrap();
+        on_disk.extend(writer.take());
+    }
+    let contents = read(&on_disk).unwrap();
+    assert!(contents.cut.is_some());
+    assert!(contents.messages.len() > 100, "{}", contents.messages.len());
+    assert_eq!(contents.messages, episode[..contents.messages.len()]);
+    // And at any byte: never a panic, never a message that was not written.
+    let whole = mcap_of(&episode);
+    for end in (0..whole.len()).step_by(9_973) {
+        if let Ok(contents) = read(&whole[..end]) {
+            assert!(contents.cut.is_some(), "{end}");
+            assert_eq!(contents.messages, episode[..contents.messages.len()]);
+        }
+    }
+}
+
+#[test]
+fn a_flipped_bit_is_noticed() {
+    let episode = synthetic::episode("s", SMALL);
+    let whole = mcap_of(&episode);
+    for place in (60..whole.len()).step_by(503) {
+        let mut bytes = whole.clone();
+        bytes[place] ^= 0x10;
+        match read(&bytes) {
+            Err(_) => {}
+            Ok(contents) => assert!(contents.cut.is_some() || contents.messages == episode, "byte {place}"),
+        }
+    }
+}
+
+#[test]
+fn foreign_files_are_refused() {
+    for bytes in [&b""[..], b"not an mcap", &rrd_of(&synthetic::episode("s", SMALL))] {
+        assert!(read(bytes).is_err());
+    }
+}
+
+#[test]
+fn the_end_shows_the_av_after_the_last_step() {
+    let episode = synthetic::episode("s", SMALL);
+    let contents = read(&mcap_of(&episode)).unwrap();
+    assert_eq!(contents.channels["/view/av"].messages, u64::from(SMALL.steps) + 1);
+    assert!(matches!(contents.messages.last().unwrap().body, Body::End(_)));
+}
+
+/// `cargo test --release -p recorder -- --ignored cost --nocapture`
+#[test]
+#[ignore = "a measure, not a claim"]
+fn the_cost_of_an_episode() {
+    let episode = synthetic::episode("s", BUSY);
+    let payload: usize = episode.iter().map(|message| message.payload.len()).sum();
+    for _ in 0..3 {
+        let start = std::time::Instant::now();
+        let decoded: Vec<_> = episode
+            .iter()
+            .map(|message| recorder::message::Message::decode(message.channel(), message.payload.clone()).unwrap())
+            .collect();
+        let decode = start.elapsed();
+        let start = std::time::Instant::now();
+        let mcap = mcap_of(&decoded);
+        let mcap_time = start.elapsed();
+        let start = std::time::Instant::now();
+        let rrd = rrd_of(&decoded);
+        eprintln!(
+            "{payload} bytes; decode {decode:?}; mcap {mcap_time:?}, {} bytes; rrd {:?}, {} bytes",
+            mcap.len(),
+            start.elapsed(),
+            rrd.len()
+        );
+    }
+}

@@ -1,0 +1,119 @@
+//! Whatever the order of arrival, the order of the recording is one.
+
+use proptest::prelude::*;
+use recorder::message::{Body, Message};
+use recorder::sequence::{Counts, Sequence};
+use wire::proto;
+
+use crate::synthetic::{self, SMALL};
+
+fn drain(sequence: &mut Sequence) -> Vec<Message> {
+    std::iter::from_fn(|| sequence.pop()).collect()
+}
+
+fn sorted(predictor: bool, arrivals: impl IntoIterator<Item = Message>) -> (Vec<Message>, Sequence) {
+    let mut sequence = Sequence::new(predictor);
+    let mut given = Vec::new();
+    for message in arrivals {
+        sequence.push(message).unwrap();
+        given.extend(drain(&mut sequence));
+    }
+    sequence.close();
+    given.extend(drain(&mut sequence));
+    (given, sequence)
+}
+
+/// A plan that answers nothing.
+fn stray_plan(step: u32) -> Message {
+    Message::encode(Body::Plan(proto::Plan { step, status: "stray".to_owned(), ..proto::Plan::default() }))
+}
+
+proptest! {
+    #[test]
+    fn any_order_of_arrival_gives_the_same_sequence(arrivals in Just(synthetic::episode("s", SMALL)).prop_shuffle()) {
+        let (given, _) = sorted(true, arrivals);
+        prop_assert_eq!(given, synthetic::episode("s", SMALL));
+    }
+
+    #[test]
+    fn what_is_said_twice_is_recorded_once(twice in 0_usize..20, arrivals in Just(synthetic::episode("s", SMALL)).prop_shuffle()) {
+        let mut arrivals = arrivals;
+        let again = arrivals[twice].clone();
+        prop_assume!(!matches!(again.body, Body::Event(_)));
+        arrivals.push(again);
+        let (given, sequence) = sorted(true, arrivals);
+        prop_assert_eq!(given, synthetic::episode("s", SMALL));
+        prop_assert_eq!(sequence.ignored(), 1);
+    }
+
+    #[test]
+    fn answers_to_no_question_are_not_recorded(step in 5_u32.., place in 0_usize..27) {
+        let mut arrivals = synthetic::episode("s", SMALL);
+        arrivals.insert(place.min(arrivals.len()), stray_plan(step));
+        let (given, _) = sorted(true, arrivals);
+        prop_assert_eq!(given, synthetic::episode("s", SMALL));
+    }
+}
+
+#[test]
+fn a_step_is_given_out_as_soon_as_it_is_complete() {
+    let episode = synthetic::episode("s", SMALL);
+    let mut sequence = Sequence::new(true);
+    let mut given = Vec::new();
+    // Scene, then observation, prediction, plan and record of step 0.
+    for message in &episode[..5] {
+        sequence.push(message.clone()).unwrap();
+        given.extend(drain(&mut sequence));
+    }
+    assert_eq!(given, episode[..5]);
+    assert!(!sequence.is_whole());
+}
+
+#[test]
+fn nothing_is_given_out_before_the_scene() {
+    let episode = synthetic::episode("s", SMALL);
+    let mut sequence = Sequence::new(true);
+    for message in &episode[1..] {
+        sequence.push(message.clone()).unwrap();
+    }
+    assert_eq!(sequence.pop(), None);
+    sequence.push(episode[0].clone()).unwrap();
+    assert!(sequence.is_whole());
+    assert_eq!(drain(&mut sequence).len(), episode.len() - 1);
+    sequence.close();
+    assert_eq!(drain(&mut sequence).len(), 1);
+}
+
+#[test]
+fn a_plan_that_the_simulator_refused_is_not_recorded() {
+    let episode = synthetic::episode("s", SMALL);
+    // The driver fails at the last step: its plan is out, no record follows.
+    let is_last_record = |message: &Message| matches!(&message.body, Body::Record(record) if record.step == 4);
+    let (given, sequence) = sorted(true, episode.iter().filter(|message| !is_last_record(message)).cloned());
+    let count = |wanted: fn(&Body) -> bool| given.iter().filter(|message| wanted(&message.body)).count();
+    assert_eq!(count(|body| matches!(body, Body::Observation(_))), 5);
+    assert_eq!(count(|body| matches!(body, Body::Plan(_))), 4);
+    assert_eq!(count(|body| matches!(body, Body::Prediction(_))), 4);
+    assert_eq!(sequence.counts(), Counts { observations: 5, predictions: 4, plans: 4, records: 4, events: 2 });
+}
+
+#[test]
+fn a_run_without_a_predictor_waits_for_none() {
+    let without = synthetic::episode("s", synthetic::Size { futures: 0, ..SMALL });
+    let unasked = synthetic::episode("s", SMALL).remove(2);
+    assert!(matches!(unasked.body, Body::Prediction(_)));
+    let (given, sequence) = sorted(false, std::iter::once(unasked).chain(without.clone()));
+    assert_eq!(given, without);
+    assert_eq!(sequence.ignored(), 1);
+}
+
+#[test]
+fn a_lost_message_is_named() {
+    let mut episode = synthetic::episode("s", SMALL);
+    episode.remove(3);
+    let mut sequence = Sequence::new(true);
+    episode.iter().for_each(|message| sequence.push(message.clone()).unwrap());
+    assert!(!sequence.is_whole());
+    let expected = Counts::of_end(sequence.end().unwrap());
+    assert_eq!(sequence.counts().first_difference(&expected), Some(("plans", 4, 5)));
+}
