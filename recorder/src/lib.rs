@@ -12,13 +12,22 @@
 //! | [`message`], [`sequence`] | the product's messages, and their order whatever the order of arrival |
 //! | [`mcap`] | the file that everything can be read back from; the same bytes for the same episode |
 //! | [`rrd`] | the drawing and its layout |
+//! | [`recording`], [`partial_file`] | an episode on its way into its files |
+//! | [`desk`], [`record`] | the process on the bus |
+//! | [`export`], [`info`] | from a file: the drawing, what it holds |
 //! | [`layers`], [`strokes`], [`origin`], [`palette`] | what both kinds of file draw alike |
 
+pub mod desk;
+pub mod export;
+pub mod info;
 pub mod layers;
 pub mod mcap;
 pub mod message;
 pub mod origin;
 pub mod palette;
+pub mod partial_file;
+pub mod record;
+pub mod recording;
 pub mod rrd;
 pub mod sequence;
 pub mod strokes;

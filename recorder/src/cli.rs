@@ -1,0 +1,60 @@
+//! What can be typed.
+
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand};
+
+use recorder::recording::Format;
+
+/// Writes the episodes of a run down, and shows what recordings hold.
+#[derive(Parser)]
+#[command(name = "recorder", version, about, max_term_width = 100)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Subcommand)]
+pub enum Command {
+    /// Join a run and record its episodes until it ends; `sim run` starts this by itself
+    Record(Record),
+    /// Draw a recording into a file for the Rerun viewer
+    Export(Export),
+    /// Show what recordings hold
+    Info(Info),
+}
+
+#[derive(clap::Args)]
+pub struct Record {
+    #[command(flatten)]
+    pub node: wire::node::Options,
+    /// Folder for the files; made if it is not there
+    #[arg(long, value_name = "FOLDER")]
+    pub out: PathBuf,
+    /// What to write for each episode
+    #[arg(long, value_name = "FORMATS", value_enum, value_delimiter = ',', default_values = ["mcap", "rrd"])]
+    pub format: Vec<Format>,
+}
+
+#[derive(clap::Args)]
+pub struct Export {
+    /// The recording; one that is cut off will do
+    #[arg(value_name = "MCAP")]
+    pub mcap: PathBuf,
+    /// The file to write; beside the recording where it is not said
+    #[arg(long, value_name = "FILE")]
+    pub rrd: Option<PathBuf>,
+    /// The run it is shown under; by its folder where it is not said
+    #[arg(long, value_name = "NAME")]
+    pub run: Option<String>,
+}
+
+#[derive(clap::Args)]
+pub struct Info {
+    /// Recordings; cut off ones will do
+    #[arg(value_name = "MCAP", required = true)]
+    pub files: Vec<PathBuf>,
+    /// Show the run's settings too
+    #[arg(long)]
+    pub settings: bool,
+}

@@ -1,0 +1,69 @@
+//! The recorder's command line. Exit codes: 0 done, 1 failed at work, 2 usage or unusable input, 130 interrupted.
+
+mod cli;
+
+use std::io::{ErrorKind, Write as _};
+use std::process::ExitCode;
+
+use clap::Parser as _;
+use tracing_subscriber::EnvFilter;
+use wire::node::Stop;
+
+use cli::{Cli, Command};
+use recorder::{export, info, record};
+
+const UNUSABLE: u8 = 2;
+const INTERRUPTED: u8 = 130;
+
+fn main() -> ExitCode {
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info,zenoh=warn"));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    let result = match Cli::parse().command {
+        Command::Record(arguments) => record_run(arguments),
+        Command::Export(arguments) => export_file(&arguments),
+        Command::Info(arguments) => show_info(&arguments),
+    };
+    result.unwrap_or_else(|error| {
+        eprintln!("error: {error:#}");
+        ExitCode::from(UNUSABLE)
+    })
+}
+
+fn record_run(arguments: cli::Record) -> anyhow::Result<ExitCode> {
+    Ok(match record::record(&arguments.node, arguments.out, arguments.format)? {
+        Stop::Interrupted => ExitCode::from(INTERRUPTED),
+        Stop::ParentGone | Stop::SimGone => ExitCode::SUCCESS,
+    })
+}
+
+fn export_file(arguments: &cli::Export) -> anyhow::Result<ExitCode> {
+    let beside = || {
+        let name = arguments.mcap.to_string_lossy();
+        let stem = name.strip_suffix(".partial").unwrap_or(&name);
+        format!("{}.rrd", stem.strip_suffix(".mcap").unwrap_or(stem)).into()
+    };
+    let rrd = arguments.rrd.clone().unwrap_or_else(beside);
+    if let Some(why) = export::export(&arguments.mcap, &rrd, arguments.run.as_deref())? {
+        eprintln!("warning: {} is cut off ({why}): drawn as far as it goes", arguments.mcap.display());
+    }
+    say(&format!("{}\n", rrd.display()))
+}
+
+fn show_info(arguments: &cli::Info) -> anyhow::Result<ExitCode> {
+    for (number, path) in arguments.files.iter().enumerate() {
+        let contents = export::open(path)?;
+        let size = std::fs::metadata(path)?.len();
+        let name = path.display().to_string();
+        let info = info::Info { name: &name, size, contents: &contents, settings: arguments.settings };
+        say(&format!("{}{info}", if number == 0 { "" } else { "\n" }))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes to standard output; a reader that has seen enough (`| head`) is no error.
+fn say(text: &str) -> anyhow::Result<ExitCode> {
+    match std::io::stdout().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error.into()),
+        _ => Ok(ExitCode::SUCCESS),
+    }
+}

@@ -1,0 +1,74 @@
+//! Files that have their name only when they are whole: written as `<name>.partial`, synced, renamed.
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+/// A file could not be written.
+#[derive(Debug, Error)]
+#[error("cannot {action} {path}: {source}")]
+pub struct FileError {
+    action: &'static str,
+    path: PathBuf,
+    source: io::Error,
+}
+
+impl FileError {
+    /// Says what was tried, and where.
+    pub fn at(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self { action, path, source }
+    }
+}
+
+/// A file that is being written. Dropped, it stays under its partial name.
+pub struct PartialFile {
+    file: File,
+    partial: PathBuf,
+    path: PathBuf,
+}
+
+impl PartialFile {
+    /// Begins the file `path`, over whatever an earlier attempt left.
+    ///
+    /// # Errors
+    /// [`FileError`].
+    pub fn create(path: &Path) -> Result<Self, FileError> {
+        let mut partial = path.as_os_str().to_owned();
+        partial.push(".partial");
+        let partial = PathBuf::from(partial);
+        let file = File::create(&partial).map_err(FileError::at("create", &partial))?;
+        Ok(Self { file, partial, path: path.to_owned() })
+    }
+
+    /// Appends `bytes`; they are with the operating system when this returns, so a killed process does not lose them.
+    ///
+    /// # Errors
+    /// [`FileError`].
+    pub fn append(&mut self, bytes: &[u8]) -> Result<(), FileError> {
+        self.file.write_all(bytes).map_err(FileError::at("write", &self.partial))
+    }
+
+    /// Gives the file its name.
+    ///
+    /// # Errors
+    /// [`FileError`].
+    pub fn commit(self) -> Result<(), FileError> {
+        self.file.sync_all().map_err(FileError::at("sync", &self.partial))?;
+        fs::rename(&self.partial, &self.path).map_err(FileError::at("rename", &self.partial))?;
+        // The name itself must survive a power cut too.
+        if let Some(folder) = self.path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+            let synced = File::open(folder).and_then(|folder| folder.sync_all());
+            synced.map_err(FileError::at("sync", folder))?;
+        }
+        Ok(())
+    }
+
+    /// Where the file is to be.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
