@@ -60,11 +60,12 @@ impl Desk {
         }
         let recording = self.open.entry(place.clone()).or_insert_with_key(|(_, scene)| Recording::new(scene.clone(), Arc::clone(&self.run)));
         recording.take(message);
-        if recording.has_ended() && recording.is_settled() {
-            return self.close(place);
-        }
-        if recording.has_ended() {
-            self.waiting.entry(place).or_insert(now + PATIENCE);
+        match (recording.has_ended(), recording.is_settled()) {
+            (true, true) => return self.close(place),
+            (true, false) => {
+                self.waiting.entry(place).or_insert(now + PATIENCE);
+            }
+            (false, _) => {}
         }
         None
     }

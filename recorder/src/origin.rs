@@ -5,7 +5,8 @@
 
 use wire::proto;
 
-/// Where the drawn frame lies in the log's frame (m): whole metres, so that moving there and back is exact.
+/// Where the drawn frame lies in the log's frame (m): whole metres, so that moving there and back is exact. Directions are not
+/// turned.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Origin {
     /// East.
@@ -14,8 +15,6 @@ pub struct Origin {
     pub y: f64,
     /// Up: about the ground.
     pub z: f64,
-    /// The AV's heading at the start (rad), for a camera to begin with. Directions are not turned.
-    pub heading: f64,
 }
 
 impl Origin {
@@ -25,15 +24,14 @@ impl Origin {
         let last = scene.history.iter().rev().find_map(|step| step.av.as_ref());
         let first_sample = || {
             let line = scene.reference_line.as_ref()?;
-            Some((*line.x.first()?, *line.y.first()?, *line.z.first()?, *line.heading.first()?))
+            Some((*line.x.first()?, *line.y.first()?, *line.z.first()?))
         };
-        let (x, y, z, heading) = match last {
-            Some(av) => (av.x, av.y, av.z - 0.5 * av.height, av.heading),
+        let (x, y, z) = match last {
+            Some(av) => (av.x, av.y, av.z - 0.5 * av.height),
             None => first_sample().unwrap_or_default(),
         };
         let whole = |value: f64| if value.is_finite() { value.round() } else { 0.0 };
-        let heading = if heading.is_finite() { heading } else { 0.0 };
-        Self { x: whole(x), y: whole(y), z: whole(z), heading }
+        Self { x: whole(x), y: whole(y), z: whole(z) }
     }
 
     /// A point of the log's frame in the drawn one.

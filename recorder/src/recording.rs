@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use thiserror::Error;
+use wire::keys::Channel;
 use wire::proto;
 use world::scene::SceneId;
 
@@ -75,6 +76,8 @@ pub struct Recording {
     files: Option<Files>,
     /// The first failure; nothing is written after it.
     failure: Option<RecordingError>,
+    /// The end came: from here on the simulator waits for the answer, and not before.
+    ended: bool,
 }
 
 struct Files {
@@ -136,11 +139,12 @@ impl Recording {
     #[must_use]
     pub fn new(scene: SceneId, run: Arc<RunSettings>) -> Self {
         let sequence = Sequence::new(run.predictor);
-        Self { scene, run, sequence, files: None, failure: None }
+        Self { scene, run, sequence, files: None, failure: None, ended: false }
     }
 
     /// Takes a message, and writes what is in order now.
     pub fn take(&mut self, message: Message) {
+        self.ended |= message.channel() == Channel::End;
         if self.failure.is_none() {
             self.failure = self.try_take(message).err();
         }
@@ -162,16 +166,16 @@ impl Recording {
         Ok(())
     }
 
-    /// Whether there is nothing to wait for: it is whole, or failed.
-    #[must_use]
-    pub fn is_settled(&self) -> bool {
-        self.failure.is_some() || self.sequence.is_whole()
-    }
-
     /// Whether the episode is over, whole or not.
     #[must_use]
     pub fn has_ended(&self) -> bool {
-        self.failure.is_some() || self.sequence.end().is_some()
+        self.ended
+    }
+
+    /// Whether nothing more can change: it is whole, or failed.
+    #[must_use]
+    pub fn is_settled(&self) -> bool {
+        self.failure.is_some() || self.sequence.is_whole()
     }
 
     /// Closes the files, under their names if they are whole, and says what they hold.

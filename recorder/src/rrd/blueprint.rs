@@ -11,13 +11,15 @@ use re_sdk_types::datatypes::Uuid;
 
 use super::columns::color;
 use super::store::{RrdError, Store};
-use crate::origin::Origin;
 use crate::palette;
 
-/// Behind and above the AV's start, and what it looks at from there (m, in the AV's direction and up).
-const EYE_BACK: f64 = 32.0;
-const EYE_UP: f64 = 34.0;
-const LOOK_AHEAD: f64 = 14.0;
+/// The riding camera's place and what it looks at, in the AV's frame (m).
+const RIDE_EYE: [f32; 3] = [-24.0, 0.0, 21.0];
+const RIDE_TARGET: [f32; 3] = [13.0, 0.0, 0.0];
+
+/// How high above the middle of the drive the overview's camera hangs: by the drive's extent, and at least (m).
+const OVERVIEW_SHARE: f32 = 0.9;
+const OVERVIEW_LEAST: f32 = 60.0;
 
 /// Writes the blueprint's views and containers with counted names.
 struct Layout<'a> {
@@ -31,13 +33,22 @@ impl Layout<'_> {
         Uuid { bytes: self.count.to_be_bytes() }
     }
 
-    /// A view of `class` on everything below `origin`; returns its path.
-    fn view(&mut self, class: &str, name: &str, origin: &str) -> Result<String, RrdError> {
+    /// A view of `class` on `contents` in the frame of `origin`; returns its path.
+    fn view(&mut self, class: &str, name: &str, origin: &str, contents: &str) -> Result<String, RrdError> {
         let path = format!("view/{}", self.next_id());
-        self.store.log(format!("{path}/ViewContents"), &ViewContents::new(["$origin/**"]))?;
+        self.store.log(format!("{path}/ViewContents"), &ViewContents::new([contents]))?;
         let view = ViewBlueprint::new(class).with_display_name(name).with_space_origin(origin);
         self.store.log(path.as_str(), &view)?;
         Ok(path)
+    }
+
+    /// Sets the camera, and the ground's colour, of a spatial view.
+    fn look(&mut self, view: &str, from: [f32; 3], to: [f32; 3]) -> Result<(), RrdError> {
+        let eye = EyeControls3D::new().with_kind(Eye3DKind::Orbital).with_position(from).with_look_target(to);
+        self.store.log(format!("{view}/EyeControls3D"), &eye.with_eye_up([0.0, 0.0, 1.0]))?;
+        let background = Background::new(BackgroundKind::SolidColor).with_color(color(palette::BACKGROUND));
+        self.store.log(format!("{view}/Background"), &background)?;
+        self.store.log(format!("{view}/LineGrid3D"), &LineGrid3D::new().with_visible(false))
     }
 
     /// A container of views and containers, with the share that each gets; returns its path and id.
@@ -57,26 +68,20 @@ impl Layout<'_> {
     }
 }
 
-/// Writes and activates the layout; the camera begins behind the AV's start.
+/// Writes and activates the layout. `drive` is where the AV was.
 ///
 /// # Errors
 /// [`RrdError`].
-pub fn write(store: Store<'_>, origin: &Origin) -> Result<(), RrdError> {
+pub fn write(store: Store<'_>, drive: &[[f32; 3]]) -> Result<(), RrdError> {
     let mut layout = Layout { store, count: 0 };
 
-    let scene = layout.view("3D", "Scene", "/world")?;
-    let (sine, cosine) = libm::sincos(origin.heading);
-    let ahead = |distance: f64, up: f64| [(distance * cosine) as f32, (distance * sine) as f32, up as f32];
-    let eye = EyeControls3D::new()
-        .with_kind(Eye3DKind::Orbital)
-        .with_position(ahead(-EYE_BACK, EYE_UP))
-        .with_look_target(ahead(LOOK_AHEAD, 0.0))
-        .with_eye_up([0.0, 0.0, 1.0])
-        .with_tracking_entity("/world/av");
-    layout.store.log(format!("{scene}/EyeControls3D"), &eye)?;
-    let background = Background::new(BackgroundKind::SolidColor).with_color(color(palette::BACKGROUND));
-    layout.store.log(format!("{scene}/Background"), &background)?;
-    layout.store.log(format!("{scene}/LineGrid3D"), &LineGrid3D::new().with_visible(false))?;
+    // A camera that tracks an entity jumps close to it; one that stands still in a frame that moves rides along.
+    let ride = layout.view("3D", "Ride along", "/world/ride", "/world/**")?;
+    layout.look(&ride, RIDE_EYE, RIDE_TARGET)?;
+    let overview = layout.view("3D", "Overview", "/world", "$origin/**")?;
+    let (middle, extent) = bounds(drive);
+    let height = OVERVIEW_LEAST.max(OVERVIEW_SHARE * extent);
+    layout.look(&overview, [middle[0], middle[1] - 0.35 * height, middle[2] + height], middle)?;
 
     let mut plots = Vec::new();
     for (name, path) in [
@@ -85,17 +90,18 @@ pub fn write(store: Store<'_>, origin: &Origin) -> Result<(), RrdError> {
         ("Steering (rad)", "/plots/steering"),
         ("Time to collision (s)", "/plots/time_to_collision"),
     ] {
-        let plot = layout.view("TimeSeries", name, path)?;
+        let plot = layout.view("TimeSeries", name, path, "$origin/**")?;
         layout.store.log(format!("{plot}/PlotLegend"), &PlotLegend::new().with_visible(path == "/plots/speed"))?;
         plots.push(plot);
     }
-    let events = layout.view("TextLog", "Events", "/events")?;
-    let outcome = layout.view("TextDocument", "Outcome", "/outcome")?;
-    let settings = layout.view("TextDocument", "Settings", "/settings")?;
+    let events = layout.view("TextLog", "Events", "/events", "$origin/**")?;
+    let outcome = layout.view("TextDocument", "Outcome", "/outcome", "$origin/**")?;
+    let settings = layout.view("TextDocument", "Settings", "/settings", "$origin/**")?;
 
     let plots: Vec<(&str, f32)> = plots.iter().map(|plot| (plot.as_str(), 1.0)).collect();
     let (plots, _) = layout.container(ContainerKind::Vertical, &plots)?;
     let (texts, _) = layout.container(ContainerKind::Tabs, &[(&outcome, 1.0), (&settings, 1.0)])?;
+    let (scene, _) = layout.container(ContainerKind::Tabs, &[(&ride, 1.0), (&overview, 1.0)])?;
     let (above, _) = layout.container(ContainerKind::Horizontal, &[(&scene, 2.6), (&plots, 1.0)])?;
     let (below, _) = layout.container(ContainerKind::Horizontal, &[(&events, 2.6), (&texts, 1.0)])?;
     let (_, root) = layout.container(ContainerKind::Vertical, &[(&above, 4.0), (&below, 1.0)])?;
@@ -113,4 +119,16 @@ pub fn write(store: Store<'_>, origin: &Origin) -> Result<(), RrdError> {
         .with_play_state(PlayState::Playing);
     layout.store.log("time_panel", &time)?;
     layout.store.activate()
+}
+
+/// The middle of the points, and how far they reach at most along x or y.
+fn bounds(points: &[[f32; 3]]) -> ([f32; 3], f32) {
+    let axis = |axis: usize| {
+        let values = points.iter().map(|point| point[axis]).filter(|value| value.is_finite());
+        let (low, high) = values.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+        if low <= high { (low, high) } else { (0.0, 0.0) }
+    };
+    let ranges = [axis(0), axis(1), axis(2)];
+    let extent = ranges[..2].iter().fold(0.0, |extent: f32, (low, high)| extent.max(high - low));
+    (ranges.map(|(low, high)| 0.5 * (low + high)), extent)
 }

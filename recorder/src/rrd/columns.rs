@@ -1,7 +1,7 @@
 //! What changes from step to step, gathered as columns: a row a step, sent as one chunk an entity.
 
 use re_chunk::EntityPath;
-use re_sdk_types::archetypes::{Boxes3D, LineStrips3D, Points3D, Scalars, TextLog};
+use re_sdk_types::archetypes::{Boxes3D, LineStrips3D, Points3D, Scalars, TextLog, Transform3D};
 use re_sdk_types::components::{Color, FillMode, LineStrip3D, Radius};
 use re_sdk_types::datatypes::Quaternion;
 use wire::proto;
@@ -78,6 +78,34 @@ impl Boxes {
             .with_quaternions(self.turns)
             .with_labels(self.labels);
         store.log_columns(path, &self.rows.steps, boxes.columns(self.rows.lengths)?)
+    }
+}
+
+/// A frame that moves.
+#[derive(Default)]
+pub struct Frame {
+    steps: Vec<u32>,
+    places: Vec<[f32; 3]>,
+    turns: Vec<Quaternion>,
+}
+
+impl Frame {
+    /// Where it lies at a step.
+    pub fn push(&mut self, step: u32, place: [f32; 3], heading: f64) {
+        self.steps.push(step);
+        self.places.push(place);
+        self.turns.push(Quaternion::from_xyzw(quaternion(heading).map(|part| part as f32)));
+    }
+
+    /// Where it was.
+    pub fn places(&self) -> &[[f32; 3]] {
+        &self.places
+    }
+
+    /// Writes it.
+    pub fn log(self, store: &mut Store<'_>, path: impl Into<EntityPath>) -> Result<(), RrdError> {
+        let frame = Transform3D::update_fields().with_many_translation(self.places).with_many_quaternion(self.turns);
+        store.log_columns(path, &self.steps, frame.columns_of_unit_batches()?)
     }
 }
 

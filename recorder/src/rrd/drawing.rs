@@ -6,7 +6,7 @@ use re_sdk_types::components::{LineStrip3D, Radius};
 use wire::proto::{self, AgentKind};
 
 use super::blueprint;
-use super::columns::{Boxes, Lines, Points, Series, Texts, color};
+use super::columns::{Boxes, Frame, Lines, Points, Series, Texts, color};
 use super::store::{RrdError, Store};
 use crate::layers::{layers, stop_signs};
 use crate::message::{Body, Message};
@@ -44,6 +44,8 @@ pub struct Drawing {
     ground: f64,
     agents: [Boxes; KINDS.len()],
     av: Boxes,
+    /// Rides with the AV, on the ground: what the viewer's camera is fixed to.
+    ride: Frame,
     plan: Lines,
     predictions: Lines,
     signals: Points,
@@ -97,8 +99,7 @@ impl Drawing {
     fn observe(&mut self, observation: &proto::Observation) {
         let step = observation.step;
         if let Some(av) = &observation.av {
-            self.ground = av.z - 0.5 * av.height;
-            self.av.push(step, std::iter::once((av, "AV".to_owned())), &self.origin);
+            self.place_av(step, av);
         }
         for ((kind, _), boxes) in KINDS.iter().zip(&mut self.agents) {
             let of_kind = observation.agents.iter().filter(|agent| agent.kind() == *kind);
@@ -111,6 +112,12 @@ impl Drawing {
             (position, palette::signal(signal.state()), format!("lane {}", signal.lane))
         });
         self.signals.push(step, lights);
+    }
+
+    fn place_av(&mut self, step: u32, av: &proto::AgentState) {
+        self.ground = av.z - 0.5 * av.height;
+        self.av.push(step, std::iter::once((av, "AV".to_owned())), &self.origin);
+        self.ride.push(step, self.origin.place(av.x, av.y, self.ground), av.heading);
     }
 
     fn record(&mut self, record: &proto::StepRecord) {
@@ -130,14 +137,14 @@ impl Drawing {
     /// [`RrdError`].
     pub fn finish(mut self, run: &str, settings: &str) -> Result<Vec<u8>, RrdError> {
         if let Some((step, av)) = self.last.take() {
-            self.av.push(step, std::iter::once((&av, "AV".to_owned())), &self.origin);
+            self.place_av(step, &av);
         }
         let scene = self.scene.take().unwrap_or_default();
         let name = format!("{run}/{}", scene.scene);
         let mut encoder = Encoder::local()?;
         // Its index is in the order of a hash map, another each time; viewers do without.
         encoder.do_not_emit_footer();
-        blueprint::write(Store::blueprint(&mut encoder, &format!("{name}/blueprint"))?, &self.origin)?;
+        blueprint::write(Store::blueprint(&mut encoder, &format!("{name}/blueprint"))?, self.ride.places())?;
         let mut store = Store::recording(&mut encoder, &name)?;
         store.log("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;
         store.log("settings", &TextDocument::from_markdown(format!("```toml\n{}\n```\n", settings.trim_end())))?;
@@ -171,6 +178,7 @@ impl Drawing {
             boxes.log(store, path, palette::agent(kind))?;
         }
         self.av.log(store, "world/av", palette::AV)?;
+        self.ride.log(store, "world/ride")?;
         self.predictions.log(store, "world/predictions")?;
         self.plan.log(store, "world/plan")?;
         self.signals.log(store, "world/signals", 0.7)?;

@@ -1,7 +1,9 @@
 //! Claims about what recordings hold, over a made-up episode.
 
+mod cli;
 mod mcap;
 mod order;
+mod process;
 mod rrd;
 mod synthetic;
 

@@ -3,7 +3,7 @@
 use recorder::mcap::{EpisodeWriter, read};
 use recorder::message::Body;
 
-use crate::synthetic::{self, BUSY, SMALL, Size};
+use crate::synthetic::{self, SMALL, Size};
 use crate::{mcap_of, rrd_of};
 
 #[test]
@@ -140,31 +140,4 @@ fn the_end_shows_the_av_after_the_last_step() {
     let contents = read(&mcap_of(&episode)).unwrap();
     assert_eq!(contents.channels["/view/av"].messages, u64::from(SMALL.steps) + 1);
     assert!(matches!(contents.messages.last().unwrap().body, Body::End(_)));
-}
-
-/// `cargo test --release -p recorder -- --ignored cost --nocapture`
-#[test]
-#[ignore = "a measure, not a claim"]
-fn the_cost_of_an_episode() {
-    let episode = synthetic::episode("s", BUSY);
-    let payload: usize = episode.iter().map(|message| message.payload.len()).sum();
-    for _ in 0..3 {
-        let start = std::time::Instant::now();
-        let decoded: Vec<_> = episode
-            .iter()
-            .map(|message| recorder::message::Message::decode(message.channel(), message.payload.clone()).unwrap())
-            .collect();
-        let decode = start.elapsed();
-        let start = std::time::Instant::now();
-        let mcap = mcap_of(&decoded);
-        let mcap_time = start.elapsed();
-        let start = std::time::Instant::now();
-        let rrd = rrd_of(&decoded);
-        eprintln!(
-            "{payload} bytes; decode {decode:?}; mcap {mcap_time:?}, {} bytes; rrd {:?}, {} bytes",
-            mcap.len(),
-            start.elapsed(),
-            rrd.len()
-        );
-    }
 }

@@ -20,8 +20,6 @@ pub struct Size {
 
 /// A small one, for snapshots.
 pub const SMALL: Size = Size { agents: 6, steps: 5, futures: 2 };
-/// A busy one, for measures: 128 agents over 15 s.
-pub const BUSY: Size = Size { agents: 128, steps: 150, futures: 1 };
 
 /// The settings of the made-up run.
 pub const SETTINGS: &str = "driver = \"synthetic\"\nprotocol = \"strict\"\n";

@@ -1,0 +1,73 @@
+//! What recording costs: one episode of 128 agents over 150 steps, each with a prediction for all of them.
+//!
+//! `cargo bench -p recorder --bench episode`. The floor is what it takes to decode the messages and compress their bytes
+//! once with zstd at the file's level; it is measured beside.
+
+#![allow(clippy::unwrap_used, missing_docs, reason = "a bench")]
+
+#[path = "../tests/it/synthetic.rs"]
+#[allow(dead_code)]
+mod synthetic;
+
+use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
+use recorder::mcap::EpisodeWriter;
+use recorder::message::Message;
+use recorder::rrd::Drawing;
+use recorder::sequence::Sequence;
+
+const BUSY: synthetic::Size = synthetic::Size { agents: 128, steps: 150, futures: 1 };
+
+fn write_mcap(messages: &[Message]) -> usize {
+    let mut writer = EpisodeWriter::new(synthetic::SETTINGS).unwrap();
+    let mut bytes = 0;
+    for message in messages {
+        writer.write(message).unwrap();
+        bytes += writer.take().len();
+    }
+    bytes + writer.finish().unwrap().len()
+}
+
+fn draw(messages: &[Message]) -> usize {
+    let mut drawing = Drawing::default();
+    messages.iter().for_each(|message| drawing.push(message));
+    drawing.finish("bench", synthetic::SETTINGS).unwrap().len()
+}
+
+fn order(messages: Vec<Message>) -> usize {
+    let mut sequence = Sequence::new(true);
+    let mut given = 0;
+    for message in messages {
+        let message = Message::decode(message.channel(), message.payload).unwrap();
+        sequence.push(message).unwrap();
+        while sequence.pop().is_some() {
+            given += 1;
+        }
+    }
+    given
+}
+
+fn episode(criterion: &mut Criterion) {
+    let messages = synthetic::episode("busy", BUSY);
+    let payload: usize = messages.iter().map(|message| message.payload.len()).sum();
+    eprintln!("payload {payload} B, mcap {} B, rrd {} B", write_mcap(&messages), draw(&messages));
+    let mut group = criterion.benchmark_group("episode of 128 agents, 150 steps");
+    group.sample_size(10);
+    group.bench_function("decode and order", |bencher| {
+        bencher.iter_batched(|| messages.clone(), order, BatchSize::LargeInput);
+    });
+    group.bench_function("mcap", |bencher| bencher.iter(|| write_mcap(&messages)));
+    group.bench_function("rrd", |bencher| bencher.iter(|| draw(&messages)));
+    let raw: Vec<u8> = messages.iter().flat_map(|message| message.payload.iter().copied()).collect();
+    group.bench_function("floor: zstd of the messages alone", |bencher| {
+        bencher.iter(|| {
+            let mut writer = recorder::mcap::Encoder::new().unwrap();
+            let channel = writer.add_channel("/raw", "raw", b"").unwrap();
+            raw.chunks(60_000).for_each(|chunk| writer.write(channel, 0, chunk).unwrap());
+            writer.finish().unwrap().len()
+        });
+    });
+    group.finish();
+}
+
+criterion_group!(benches, episode);
+criterion_main!(benches);

@@ -1,0 +1,65 @@
+//! The command line: what it prints, and with which exit code.
+
+use std::path::Path;
+use std::process::Command;
+
+use crate::mcap_of;
+use crate::synthetic::{self, SMALL, Size};
+
+/// Output, errors and exit code, with the folder's name left out.
+fn recorder(folder: &Path, arguments: &[&str]) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_recorder")).args(arguments).current_dir(folder).env_clear().output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    format!("{}{}exit code {}", text(&output.stdout), text(&output.stderr), output.status.code().unwrap())
+}
+
+#[test]
+fn info_shows_what_a_recording_holds() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.mcap"), mcap_of(&synthetic::episode("crossing-1", SMALL))).unwrap();
+    let shown = recorder(folder.path(), &["info", "--settings", "a.mcap"]);
+    // The compressed size may change with zstd.
+    insta::assert_snapshot!(shown.replace(&shown[..shown.find('\n').unwrap()], "a.mcap  SIZE"));
+}
+
+#[test]
+fn info_says_up_to_where_a_cut_file_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = mcap_of(&synthetic::episode("crossing-1", Size { agents: 40, steps: 60, futures: 1 }));
+    std::fs::write(folder.path().join("a.mcap.partial"), &whole[..whole.len() / 2]).unwrap();
+    let shown = recorder(folder.path(), &["info", "a.mcap.partial"]);
+    assert!(shown.contains("  cut off     after ") && shown.contains("end         not recorded"), "{shown}");
+    assert!(shown.ends_with("exit code 0"), "{shown}");
+}
+
+#[test]
+fn export_draws_what_recording_draws() {
+    let folder = tempfile::tempdir().unwrap();
+    let episode = synthetic::episode("crossing-1", SMALL);
+    std::fs::write(folder.path().join("a.mcap"), mcap_of(&episode)).unwrap();
+    assert_eq!(recorder(folder.path(), &["export", "a.mcap", "--run", "test"]), "a.rrd\nexit code 0");
+    assert!(std::fs::read(folder.path().join("a.rrd")).unwrap() == crate::rrd_of(&episode));
+}
+
+#[test]
+fn what_is_no_recording_is_refused_with_a_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("noise.mcap"), b"What is this?").unwrap();
+    let shown = [
+        recorder(folder.path(), &["info", "nowhere.mcap"]),
+        recorder(folder.path(), &["info", "noise.mcap"]),
+        recorder(folder.path(), &["export", "noise.mcap"]),
+        recorder(folder.path(), &["record", "--endpoint", "tcp/127.0.0.1:1", "--run", "a/b", "--out", "x"]),
+    ];
+    insta::assert_snapshot!(shown.join("\n\n"));
+}
+
+#[test]
+fn the_help() {
+    let folder = tempfile::tempdir().unwrap();
+    let shown = ["--help", "record", "export", "info"].map(|command| {
+        let arguments = if command == "--help" { vec![command] } else { vec![command, "--help"] };
+        recorder(folder.path(), &arguments)
+    });
+    insta::assert_snapshot!(shown.join("\n\n"));
+}
