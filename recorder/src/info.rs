@@ -39,10 +39,10 @@ impl Display for Info<'_> {
             let seconds = contents.last_step as f64 / 10.0;
             writeln!(f, "  cut off     after {seconds:.1} s ({why}); what is before is readable")?;
         }
-        if let Some(scene) = self.find(|body| if let Body::Scene(scene) = body { Some(scene) } else { None }) {
-            show_scene(f, scene)?;
-        }
-        writeln!(f, "  steps       {}", self.count(Channel::Record))?;
+        let scene = self.find(|body| if let Body::Scene(scene) = body { Some(scene) } else { None });
+        scene.map_or(Ok(()), |scene| show_scene(f, scene))?;
+        let most = scene.map_or_else(String::new, |scene| format!(" of at most {}", scene.horizon));
+        writeln!(f, "  steps       {}{most}", self.count(Channel::Record))?;
         match self.find(|body| if let Body::End(end) = body { Some(end) } else { None }) {
             Some(end) => {
                 writeln!(f, "  end         {}", strokes::end_sentence(end))?;
@@ -63,12 +63,12 @@ impl Display for Info<'_> {
 fn show_scene(f: &mut fmt::Formatter<'_>, scene: &proto::Scene) -> fmt::Result {
     let length = scene.reference_line.as_ref().map_or(0.0, |line| 0.1 * line.x.len().saturating_sub(1) as f64);
     writeln!(f, "  scene       {}", scene.scene)?;
-    writeln!(f, "  protocol    {}, {} steps at most", scene.protocol, scene.horizon)?;
+    writeln!(f, "  protocol    {}", scene.protocol)?;
     if let Some(map) = &scene.map {
         let (lanes, crosswalks, signs) = (map.lanes.len(), map.crosswalks.len(), map.stop_signs.len());
-        writeln!(f, "  map         {lanes} lanes, {crosswalks} crosswalks, {signs} stop signs")?;
+        writeln!(f, "  map         lanes {lanes}, crosswalks {crosswalks}, stop signs {signs}")?;
     }
-    writeln!(f, "  route       {} lanes, {length:.0} m", scene.route.len())
+    writeln!(f, "  route       {length:.0} m, lanes {}", scene.route.len())
 }
 
 fn show_metrics(f: &mut fmt::Formatter<'_>, end: &proto::EpisodeEnd) -> fmt::Result {

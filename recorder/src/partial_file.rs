@@ -8,18 +8,18 @@ use thiserror::Error;
 
 /// A file could not be written.
 #[derive(Debug, Error)]
-#[error("cannot {action} {path}: {source}")]
+#[error("cannot {action} {path}: {reason}")]
 pub struct FileError {
     action: &'static str,
     path: PathBuf,
-    source: io::Error,
+    reason: io::Error,
 }
 
 impl FileError {
     /// Says what was tried, and where.
     pub fn at(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
-        move |source| Self { action, path, source }
+        move |reason| Self { action, path, reason }
     }
 }
 

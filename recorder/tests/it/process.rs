@@ -125,6 +125,7 @@ fn when_standard_input_ends_it_leaves_and_what_came_is_readable() {
     let folder = tempfile::tempdir().unwrap();
     let mut stage = Stage::set(folder.path());
     let episode = synthetic::episode("a", SMALL);
+    // The last that counts is the observation of step 2: no record follows its prediction.
     stage.say(0, "a", &episode[..11]);
     // What was said is with the recorder once an episode said after it is answered.
     stage.say(0, "b", &synthetic::episode("b", SMALL));
@@ -133,7 +134,7 @@ fn when_standard_input_ends_it_leaves_and_what_came_is_readable() {
     assert_eq!(stage.recorder.wait().unwrap().code(), Some(0));
     let contents = read(&std::fs::read(folder.path().join("a.mcap.partial")).unwrap()).unwrap();
     assert!(contents.cut.is_some());
-    assert_eq!(contents.messages, episode[..11]);
+    assert!(contents.messages == episode[..10]);
 }
 
 #[test]
@@ -149,7 +150,7 @@ fn killed_it_leaves_all_closed_chunks() {
     let contents = read(&std::fs::read(folder.path().join("a.mcap.partial")).unwrap()).unwrap();
     assert!(contents.cut.is_some());
     assert!(contents.messages.len() > 100, "{}", contents.messages.len());
-    assert_eq!(contents.messages, episode[..contents.messages.len()]);
+    assert!(contents.messages == episode[..contents.messages.len()]);
 }
 
 #[test]
