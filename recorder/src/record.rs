@@ -1,4 +1,4 @@
-//! The recorder process: hears every message of a run, writes each episode down, says when it is done.
+//! The recorder process: hears all that the simulator tells of a run, writes each episode down, says when it is done.
 //!
 //! The transport's thread copies messages into the bounded queue of a writer thread. When a queue is full the transport
 //! waits, and with it the senders: nothing is dropped, and memory is bounded. An episode's messages all go to one writer.

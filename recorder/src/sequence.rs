@@ -1,11 +1,11 @@
 //! An episode's messages in canonical order, whatever the order in which they arrive.
 //!
-//! They come from several processes, so no two drives deliver them alike; recordings are to be byte-identical all the same.
-//! The order is: scene; for each step its observation, prediction (if the run has a predictor), plan, record and events;
-//! end. A step is given out as soon as it is complete, so that a recorder that is killed leaves all steps before.
+//! Planner and predictor answer at the same time, so no two drives are told alike; recordings are to be byte-identical all
+//! the same. The order is: scene; for each step its observation, prediction (if the run has a predictor), plan, record and
+//! events; end. A step is given out as soon as it is complete, so that a recorder that is killed leaves all steps before.
 //!
-//! Only what the simulator accepted is recorded: a plan or prediction counts where a record of its step follows. Whatever a
-//! node sends beyond that (a second answer, an answer to no question) is left out.
+//! All that the simulator tells is recorded, also the answer that it refused. What a lying node answers beyond one plan and
+//! one prediction a step comes before the end.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -41,7 +41,7 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// What the simulator says it sent and accepted.
+    /// What the simulator says it told.
     #[must_use]
     pub fn of_end(end: &proto::EpisodeEnd) -> Self {
         Self {
@@ -89,12 +89,8 @@ impl Slot {
             && self.expected_events.is_some_and(|expected| self.events.len() as u64 >= u64::from(expected))
     }
 
-    /// What of it counts, in order.
+    /// Its messages in order.
     fn into_messages(mut self) -> impl Iterator<Item = Message> {
-        if self.record.is_none() {
-            self.plan = None;
-            self.prediction = None;
-        }
         // Events of a step come in no order that all deliveries share but that of their bytes: kind, then text.
         self.events.sort_by(|a, b| a.payload.cmp(&b.payload));
         let answers = [self.observation, self.prediction, self.plan, self.record];
@@ -104,8 +100,8 @@ impl Slot {
     fn count(&self, counts: &mut Counts) {
         counts.observations += u32::from(self.observation.is_some());
         counts.records += u32::from(self.record.is_some());
-        counts.plans += u32::from(self.record.is_some() && self.plan.is_some());
-        counts.predictions += u32::from(self.record.is_some() && self.prediction.is_some());
+        counts.plans += u32::from(self.plan.is_some());
+        counts.predictions += u32::from(self.prediction.is_some());
         counts.events += self.events.len() as u32;
     }
 }
@@ -121,6 +117,8 @@ pub struct Sequence {
     steps: BTreeMap<u32, Slot>,
     /// The first step that is not complete.
     next_step: u32,
+    /// Answers that are one too many for their step, or come after it was given out.
+    strays: Vec<Message>,
     end: Option<Message>,
     ready: VecDeque<Message>,
     /// Of what was given out.
@@ -139,6 +137,7 @@ impl Sequence {
             scene_given: false,
             steps: BTreeMap::new(),
             next_step: 0,
+            strays: Vec::new(),
             end: None,
             ready: VecDeque::new(),
             given: Counts::default(),
@@ -147,8 +146,7 @@ impl Sequence {
         }
     }
 
-    /// Takes a message, in whatever order. What nobody waits for is ignored: a second message where one belongs, a step that
-    /// is already given out.
+    /// Takes a message, in whatever order. A second scene, observation, record or end where one belongs is ignored.
     ///
     /// # Errors
     /// [`SequenceError::Flooded`]; the sequence is then of no use but for [`Sequence::close`].
@@ -186,15 +184,22 @@ impl Sequence {
         }
     }
 
-    /// What arrived and counts.
+    /// What arrived.
     #[must_use]
     pub fn counts(&self) -> Counts {
         let mut counts = self.given;
         self.steps.values().for_each(|slot| slot.count(&mut counts));
+        for stray in &self.strays {
+            match &stray.body {
+                Body::Prediction(_) => counts.predictions += 1,
+                Body::Plan(_) => counts.plans += 1,
+                _ => counts.events += 1,
+            }
+        }
         counts
     }
 
-    /// Messages that nobody waited for.
+    /// Messages that came twice.
     #[must_use]
     pub fn ignored(&self) -> u64 {
         self.ignored
@@ -207,6 +212,8 @@ impl Sequence {
             slot.count(&mut self.given);
             self.ready.extend(slot.into_messages());
         }
+        self.strays.sort_by(|a, b| (a.step(), a.channel(), &a.payload).cmp(&(b.step(), b.channel(), &b.payload)));
+        self.ready.extend(self.strays.drain(..));
         self.ready.extend(self.end.take());
         self.waiting_bytes = 0;
     }
@@ -214,12 +221,16 @@ impl Sequence {
     /// Puts the message where it belongs; false where it belongs nowhere.
     fn place(&mut self, message: Message) -> bool {
         let step = message.step();
+        let is_late = step < self.next_step;
         let place = match &message.body {
             Body::Scene(_) if self.scene_given => return false,
             Body::Scene(_) => &mut self.scene,
             Body::End(_) => &mut self.end,
-            Body::Prediction(_) if !self.predictor => return false,
-            _ if step < self.next_step => return false,
+            Body::Observation(_) | Body::Record(_) if is_late => return false,
+            _ if is_late => {
+                self.strays.push(message);
+                return true;
+            }
             body => {
                 let slot = self.steps.entry(step).or_default();
                 match body {
@@ -237,10 +248,11 @@ impl Sequence {
                 }
             }
         };
-        if place.is_some() {
-            return false;
+        match (&place, &message.body) {
+            (None, _) => *place = Some(message),
+            (Some(_), Body::Prediction(_) | Body::Plan(_)) => self.strays.push(message),
+            (Some(_), _) => return false,
         }
-        *place = Some(message);
         true
     }
 
