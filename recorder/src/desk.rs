@@ -58,7 +58,10 @@ impl Desk {
             tracing::warn!("{OPEN} episodes are open: one more, {}, is ignored", place.1);
             return None;
         }
-        let recording = self.open.entry(place.clone()).or_insert_with_key(|(_, scene)| Recording::new(scene.clone(), Arc::clone(&self.run)));
+        let recording = self
+            .open
+            .entry(place.clone())
+            .or_insert_with_key(|(_, scene)| Recording::new(scene.clone(), Arc::clone(&self.run)));
         recording.take(message);
         match (recording.has_ended(), recording.is_settled()) {
             (true, true) => return self.close(place),

@@ -43,7 +43,8 @@ pub fn layers(scene: &proto::Scene, origin: &Origin) -> Vec<Layer> {
         (polyline(lane.centerline.as_ref(), origin), if bike { palette::BIKE_LANE } else { palette::LANE })
     };
     layer("map/lanes", 1.0, map.lanes.iter().map(lane).collect());
-    let road_line = |line: &proto::RoadLine| (polyline(line.polyline.as_ref(), origin), palette::road_line(line.kind()));
+    let road_line =
+        |line: &proto::RoadLine| (polyline(line.polyline.as_ref(), origin), palette::road_line(line.kind()));
     layer("map/road_lines", 1.0, map.road_lines.iter().map(road_line).collect());
     let road_edge = |edge: &proto::RoadEdge| (polyline(edge.polyline.as_ref(), origin), palette::ROAD_EDGE);
     layer("map/road_edges", 1.5, map.road_edges.iter().map(road_edge).collect());

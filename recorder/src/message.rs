@@ -81,7 +81,9 @@ impl Message {
         let bytes = payload.as_slice();
         let body = match channel {
             Channel::Scene => proto::Scene::decode(bytes).map(|message| Body::Scene(Box::new(message))),
-            Channel::Observation => proto::Observation::decode(bytes).map(|message| Body::Observation(Box::new(message))),
+            Channel::Observation => {
+                proto::Observation::decode(bytes).map(|message| Body::Observation(Box::new(message)))
+            }
             Channel::Prediction => proto::Prediction::decode(bytes).map(Body::Prediction),
             Channel::Plan => proto::Plan::decode(bytes).map(Body::Plan),
             Channel::Record => proto::StepRecord::decode(bytes).map(|message| Body::Record(Box::new(message))),

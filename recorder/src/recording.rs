@@ -91,9 +91,10 @@ impl Files {
         let mcap = run.formats.contains(&Format::Mcap).then(|| -> Result<_, RecordingError> {
             Ok((EpisodeWriter::new(&run.settings)?, PartialFile::create(&path("mcap"))?))
         });
-        let drawing = run.formats.contains(&Format::Rrd).then(|| -> Result<_, RecordingError> {
-            Ok((Drawing::default(), PartialFile::create(&path("rrd"))?))
-        });
+        let drawing = run
+            .formats
+            .contains(&Format::Rrd)
+            .then(|| -> Result<_, RecordingError> { Ok((Drawing::default(), PartialFile::create(&path("rrd"))?)) });
         Ok(Self { mcap: mcap.transpose()?, drawing: drawing.transpose()? })
     }
 

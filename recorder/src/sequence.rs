@@ -208,8 +208,8 @@ impl Sequence {
     /// Gives out all that is here, complete or not. Call it when the episode is whole, or nothing more will come.
     pub fn close(&mut self) {
         self.give_scene();
+        self.given = self.counts();
         for (_, slot) in std::mem::take(&mut self.steps) {
-            slot.count(&mut self.given);
             self.ready.extend(slot.into_messages());
         }
         self.strays.sort_by(|a, b| (a.step(), a.channel(), &a.payload).cmp(&(b.step(), b.channel(), &b.payload)));

@@ -68,5 +68,9 @@ pub fn end_sentence(end: &proto::EpisodeEnd) -> String {
         EndReason::DriverFailed => "driver failed",
     };
     let steps = end.steps;
-    if end.detail.is_empty() { format!("{reason} after {steps} steps") } else { format!("{reason} after {steps} steps: {}", end.detail) }
+    if end.detail.is_empty() {
+        format!("{reason} after {steps} steps")
+    } else {
+        format!("{reason} after {steps} steps: {}", end.detail)
+    }
 }

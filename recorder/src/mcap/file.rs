@@ -94,8 +94,7 @@ impl Encoder {
     /// # Errors
     /// [`McapError`].
     pub fn write(&mut self, channel: ChannelId, log_time: u64, payload: &[u8]) -> Result<(), McapError> {
-        let header =
-            MessageHeader { channel_id: channel.0, sequence: self.sequence, log_time, publish_time: log_time };
+        let header = MessageHeader { channel_id: channel.0, sequence: self.sequence, log_time, publish_time: log_time };
         self.sequence = self.sequence.wrapping_add(1);
         self.writer.write_to_known_channel(&header, payload)
     }
@@ -156,7 +155,9 @@ fn sort_summary(tail: &mut [u8], offset: u64) {
     // Each kind is one run, so a stable sort by (kind's place, number) moves nothing but schemas and channels.
     for run in records.chunk_by_mut(|a, b| a[0] == b[0]) {
         if matches!(run[0][0], SCHEMA | CHANNEL) {
-            run.sort_by_key(|record| record.get(RECORD_HEADER..).and_then(|body| body.first_chunk()).copied().map(u16::from_le_bytes));
+            run.sort_by_key(|record| {
+                record.get(RECORD_HEADER..).and_then(|body| body.first_chunk()).copied().map(u16::from_le_bytes)
+            });
         }
     }
     let sorted = records.concat();

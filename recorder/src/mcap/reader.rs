@@ -18,7 +18,9 @@ const RECORD_LIMIT: usize = 1 << 30;
 #[derive(Debug, Error)]
 pub enum ReadError {
     /// It does not begin as one, or is damaged before its first message.
-    #[error("no readable MCAP: {0}\n  hint: recordings are the files <run>/episodes/<scene>.mcap, and .mcap.partial where they are not whole")]
+    #[error(
+        "no readable MCAP: {0}\n  hint: recordings are the files <run>/episodes/<scene>.mcap, and .mcap.partial where they are not whole"
+    )]
     NotMcap(McapError),
     /// An MCAP of somebody else.
     #[error("an MCAP file, but not one of reloop: it has no /reloop/scene channel")]

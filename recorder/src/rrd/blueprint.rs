@@ -5,7 +5,8 @@ use re_sdk_types::blueprint::archetypes::{
     ViewBlueprint, ViewContents, ViewportBlueprint,
 };
 use re_sdk_types::blueprint::components::{
-    BackgroundKind, ColumnShare, ContainerKind, Eye3DKind, IncludedContent, PanelState, PlayState, RootContainer, RowShare,
+    BackgroundKind, ColumnShare, ContainerKind, Eye3DKind, IncludedContent, PanelState, PlayState, RootContainer,
+    RowShare,
 };
 use re_sdk_types::datatypes::Uuid;
 
@@ -59,8 +60,12 @@ impl Layout<'_> {
         let shares = parts.iter().map(|(_, share)| *share);
         let mut container = ContainerBlueprint::new(kind).with_contents(contents);
         match kind {
-            ContainerKind::Horizontal => container = container.with_col_shares(shares.map(|share| ColumnShare(share.into()))),
-            ContainerKind::Vertical => container = container.with_row_shares(shares.map(|share| RowShare(share.into()))),
+            ContainerKind::Horizontal => {
+                container = container.with_col_shares(shares.map(|share| ColumnShare(share.into())))
+            }
+            ContainerKind::Vertical => {
+                container = container.with_row_shares(shares.map(|share| RowShare(share.into())))
+            }
             ContainerKind::Grid | ContainerKind::Tabs => {}
         }
         self.store.log(path.as_str(), &container)?;
@@ -125,7 +130,8 @@ pub fn write(store: Store<'_>, drive: &[[f32; 3]]) -> Result<(), RrdError> {
 fn bounds(points: &[[f32; 3]]) -> ([f32; 3], f32) {
     let axis = |axis: usize| {
         let values = points.iter().map(|point| point[axis]).filter(|value| value.is_finite());
-        let (low, high) = values.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+        let (low, high) =
+            values.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
         if low <= high { (low, high) } else { (0.0, 0.0) }
     };
     let ranges = [axis(0), axis(1), axis(2)];

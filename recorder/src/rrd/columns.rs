@@ -67,10 +67,8 @@ impl Boxes {
             return Ok(());
         }
         let path = path.into();
-        let style = Boxes3D::update_fields()
-            .with_colors([color(rgba)])
-            .with_fill_mode(FillMode::Solid)
-            .with_show_labels(false);
+        let style =
+            Boxes3D::update_fields().with_colors([color(rgba)]).with_fill_mode(FillMode::Solid).with_show_labels(false);
         store.log(path.clone(), &style)?;
         let boxes = Boxes3D::update_fields()
             .with_centers(self.centers)
@@ -168,13 +166,10 @@ impl Points {
             return Ok(());
         }
         let path = path.into();
-        let style =
-            Points3D::update_fields().with_radii([Radius::new_scene_units(radius)]).with_show_labels(false);
+        let style = Points3D::update_fields().with_radii([Radius::new_scene_units(radius)]).with_show_labels(false);
         store.log(path.clone(), &style)?;
-        let points = Points3D::update_fields()
-            .with_positions(self.positions)
-            .with_colors(self.colors)
-            .with_labels(self.labels);
+        let points =
+            Points3D::update_fields().with_positions(self.positions).with_colors(self.colors).with_labels(self.labels);
         store.log_columns(path, &self.rows.steps, points.columns(self.rows.lengths)?)
     }
 }

@@ -103,8 +103,9 @@ impl Drawing {
         }
         for ((kind, _), boxes) in KINDS.iter().zip(&mut self.agents) {
             let of_kind = observation.agents.iter().filter(|agent| agent.kind() == *kind);
-            let labelled =
-                of_kind.filter_map(|agent| Some((agent.state.as_ref()?, format!("{} {}", strokes::kind_name(*kind), agent.track))));
+            let labelled = of_kind.filter_map(|agent| {
+                Some((agent.state.as_ref()?, format!("{} {}", strokes::kind_name(*kind), agent.track)))
+            });
             boxes.push(step, labelled, &self.origin);
         }
         let lights = observation.signals.iter().map(|signal| {
@@ -158,9 +159,8 @@ impl Drawing {
         for layer in layers(scene, &self.origin) {
             let colors = layer.lines.iter().map(|(_, rgba)| color(*rgba)).collect::<Vec<_>>();
             let strips = layer.lines.into_iter().map(|(points, _)| LineStrip3D::from_iter(points));
-            let lines = LineStrips3D::new(strips)
-                .with_colors(colors)
-                .with_radii([Radius::new_ui_points(0.5 * layer.width)]);
+            let lines =
+                LineStrips3D::new(strips).with_colors(colors).with_radii([Radius::new_ui_points(0.5 * layer.width)]);
             store.log(format!("world/{}", layer.name), &lines)?;
         }
         let signs = stop_signs(scene, &self.origin);
@@ -188,7 +188,12 @@ impl Drawing {
             ("plots/speed/limit", "limit", plots.limit, palette::LIMIT),
             ("plots/acceleration", "acceleration", plots.acceleration, palette::agent(AgentKind::Pedestrian)),
             ("plots/steering", "steering", plots.steering, palette::agent(AgentKind::Cyclist)),
-            ("plots/time_to_collision", "time to collision", plots.time_to_collision, palette::signal(proto::SignalState::Stop)),
+            (
+                "plots/time_to_collision",
+                "time to collision",
+                plots.time_to_collision,
+                palette::signal(proto::SignalState::Stop),
+            ),
         ];
         for (path, name, series, rgba) in series {
             let style = SeriesLines::new().with_colors([color(rgba)]).with_names([name]).with_widths([1.6]);

@@ -8,7 +8,8 @@ use crate::synthetic::{self, SMALL, Size};
 
 /// Output, errors and exit code, with the folder's name left out.
 fn recorder(folder: &Path, arguments: &[&str]) -> String {
-    let output = Command::new(env!("CARGO_BIN_EXE_recorder")).args(arguments).current_dir(folder).env_clear().output().unwrap();
+    let output =
+        Command::new(env!("CARGO_BIN_EXE_recorder")).args(arguments).current_dir(folder).env_clear().output().unwrap();
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     format!("{}{}exit code {}", text(&output.stdout), text(&output.stderr), output.status.code().unwrap())
 }

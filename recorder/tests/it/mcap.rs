@@ -31,7 +31,7 @@ fn the_summary_agrees_with_the_data_and_its_checksum_holds() {
     assert_eq!(stats.message_count, mcap::MessageStream::new(&bytes).unwrap().count() as u64);
     assert_eq!(stats.channel_count, 15);
     assert_eq!(summary.channels.len(), 15);
-    for (id, channel) in &summary.channels {
+    for (id, channel) in summary.channels.iter().collect::<std::collections::BTreeMap<_, _>>() {
         assert_eq!(*id, channel.id);
         assert_eq!(channel.message_encoding, "protobuf");
     }
@@ -40,7 +40,10 @@ fn the_summary_agrees_with_the_data_and_its_checksum_holds() {
 #[test]
 fn the_channels_and_their_counts() {
     let contents = read(&mcap_of(&synthetic::episode("s", SMALL))).unwrap();
-    let rows = contents.channels.iter().map(|(topic, channel)| format!("{topic:<20} {:<26} {}", channel.schema, channel.messages));
+    let rows = contents
+        .channels
+        .iter()
+        .map(|(topic, channel)| format!("{topic:<20} {:<26} {}", channel.schema, channel.messages));
     insta::assert_snapshot!(rows.collect::<Vec<_>>().join("\n"));
 }
 
@@ -55,8 +58,11 @@ fn boxes_are_drawn_near_the_frame_s_origin() {
                 let update = SceneUpdate::decode(&*message.data).unwrap();
                 assert!(!update.entities.is_empty());
                 for cube in update.entities.iter().flat_map(|entity| &entity.cubes) {
-                    let position = cube.pose.clone().unwrap().position.unwrap();
-                    assert!(position.x.abs() < 300.0 && position.y.abs() < 300.0 && position.z.abs() < 5.0, "{position:?}");
+                    let position = cube.pose.unwrap().position.unwrap();
+                    assert!(
+                        position.x.abs() < 300.0 && position.y.abs() < 300.0 && position.z.abs() < 5.0,
+                        "{position:?}"
+                    );
                 }
             }
             "/tf" => {
@@ -78,7 +84,9 @@ fn one_decoded_step() {
     let mut text = String::new();
     for message in mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap) {
         let shown = match message.channel.topic.as_str() {
-            "/view/agents" | "/view/av" | "/view/signals" => format!("{:#?}", SceneUpdate::decode(&*message.data).unwrap()),
+            "/view/agents" | "/view/av" | "/view/signals" => {
+                format!("{:#?}", SceneUpdate::decode(&*message.data).unwrap())
+            }
             "/tf" => format!("{:#?}", FrameTransforms::decode(&*message.data).unwrap()),
             "/log" => format!("{:#?}", Log::decode(&*message.data).unwrap()),
             _ => format!("{} bytes", message.data.len()),

@@ -33,7 +33,8 @@ impl Stage {
         let run: RunName = "test".parse().unwrap();
         let hub = Hub::open(&run).unwrap();
         let settings = synthetic::SETTINGS.to_owned();
-        hub.publish_run_info(&proto::RunInfo { run: run.to_string(), settings, predictor: true, ..Default::default() }).unwrap();
+        hub.publish_run_info(&proto::RunInfo { run: run.to_string(), settings, predictor: true, ..Default::default() })
+            .unwrap();
         let recorder = Command::new(env!("CARGO_BIN_EXE_recorder"))
             .args(["record", "--exit-with-parent", "--endpoint", hub.endpoint(), "--run", "test", "--out"])
             .arg(folder)

@@ -1,5 +1,7 @@
 //! A made-up episode of any size: a crossing of two roads with agents of all kinds, 9 km from the log's origin.
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use recorder::message::{Body, Message};
 use wire::proto;
 use wire::proto::{AgentKind, SignalState};
@@ -114,7 +116,11 @@ fn map() -> proto::Map {
         centerline: straight(from, to, 480),
         ..proto::Lane::default()
     };
-    let line = |id, kind: proto::RoadLineKind, from, to| proto::RoadLine { id, kind: kind.into(), polyline: straight(from, to, 120) };
+    let line = |id, kind: proto::RoadLineKind, from, to| proto::RoadLine {
+        id,
+        kind: kind.into(),
+        polyline: straight(from, to, 120),
+    };
     let edge = |id, from, to| proto::RoadEdge {
         id,
         kind: proto::RoadEdgeKind::Boundary.into(),
@@ -185,9 +191,9 @@ fn agents(step: f64, size: Size) -> Vec<proto::Agent> {
         let speed = 3.0 + 6.0 * ((index * 7919) % 97) as f64 / 97.0;
         let along = -75.0 + 150.0 * spread + 0.1 * speed * step * if index % 4 == 1 { -1.0 } else { 1.0 };
         let (kind, state) = match index % 4 {
-            0 => (AgentKind::Vehicle, state(1.75, along, 1.570_796, speed, [4.6, 1.9, 1.6])),
-            1 => (AgentKind::Vehicle, state(along, 1.75, 3.141_593, speed, [5.2, 2.1, 1.9])),
-            2 => (AgentKind::Pedestrian, state(-8.5 + 0.01 * spread, 0.2 * along, 1.570_796, 1.3, [0.7, 0.7, 1.75])),
+            0 => (AgentKind::Vehicle, state(1.75, along, FRAC_PI_2, speed, [4.6, 1.9, 1.6])),
+            1 => (AgentKind::Vehicle, state(along, 1.75, PI, speed, [5.2, 2.1, 1.9])),
+            2 => (AgentKind::Pedestrian, state(-8.5 + 0.01 * spread, 0.2 * along, FRAC_PI_2, 1.3, [0.7, 0.7, 1.75])),
             _ => (AgentKind::Cyclist, state(along, 4.9, 0.0, 0.5 * speed, [1.8, 0.7, 1.7])),
         };
         proto::Agent { track: 100 + index as i32, kind: kind.into(), state: Some(state) }
@@ -204,7 +210,8 @@ fn observation(step: u32, size: Size) -> proto::Observation {
         stop_y: CENTER.1 + y,
         stop_z: CENTER.2,
     };
-    let (own, other) = if green { (SignalState::Go, SignalState::Stop) } else { (SignalState::Caution, SignalState::Go) };
+    let (own, other) =
+        if green { (SignalState::Go, SignalState::Stop) } else { (SignalState::Caution, SignalState::Go) };
     let first = (8 * step) as usize;
     proto::Observation {
         step,
@@ -225,7 +232,13 @@ fn plan(step: u32) -> proto::Plan {
         let bend = 0.0006 * f64::from(ahead * ahead);
         proto::PlanState { x: av.x, y: av.y + bend, heading: 0.02, speed: SPEED }
     };
-    proto::Plan { step, states: (1..=50).map(state).collect(), iterations: 4, status: "ok".to_owned(), ..proto::Plan::default() }
+    proto::Plan {
+        step,
+        states: (1..=50).map(state).collect(),
+        iterations: 4,
+        status: "ok".to_owned(),
+        ..proto::Plan::default()
+    }
 }
 
 fn prediction(step: u32, size: Size) -> proto::Prediction {
@@ -233,7 +246,9 @@ fn prediction(step: u32, size: Size) -> proto::Prediction {
     let future = |number: usize| {
         let trajectory = |agent: &proto::Agent| {
             let state = agent.state.unwrap_or_default();
-            let at = |velocity: f64, start: f64| (1..=50).map(|t| start + 0.1 * f64::from(t) * velocity / (1.0 + number as f64)).collect();
+            let at = |velocity: f64, start: f64| {
+                (1..=50).map(|t| start + 0.1 * f64::from(t) * velocity / (1.0 + number as f64)).collect()
+            };
             proto::PredictedTrajectory {
                 track: agent.track,
                 x: at(state.velocity_x, state.x),
@@ -256,7 +271,7 @@ fn record(step: u32, events: u32) -> proto::StepRecord {
         control: Some(proto::Control { acceleration: 0.8 * swing, steering: 0.03 * swing }),
         station: 10.0 + 0.8 * f64::from(step),
         speed_limit: 11.176,
-        time_to_collision: (step % 60 > 20).then(|| 3.0 + swing),
+        time_to_collision: (step % 60 > 20).then_some(3.0 + swing),
         position_error: Some(0.01 * f64::from(step)),
         in_one_lane: true,
         events,
