@@ -101,8 +101,10 @@ pub fn womd_seeds() -> Vec<Vec<u8>> {
     map.road_lines.truncate(1);
     map.road_edges.truncate(1);
     map.crosswalks.truncate(1);
-    map.speed_bumps = map.crosswalks.iter().map(|area| world::map::Area { id: world::map::MapId(901), ..area.clone() }).collect();
-    map.driveways = map.crosswalks.iter().map(|area| world::map::Area { id: world::map::MapId(902), ..area.clone() }).collect();
+    map.speed_bumps =
+        map.crosswalks.iter().map(|area| world::map::Area { id: world::map::MapId(901), ..area.clone() }).collect();
+    map.driveways =
+        map.crosswalks.iter().map(|area| world::map::Area { id: world::map::MapId(902), ..area.clone() }).collect();
     map.stop_signs = vec![world::map::StopSign {
         id: world::map::MapId(903),
         lanes: map.lanes.iter().map(|lane| lane.id).collect(),
@@ -126,15 +128,16 @@ mod tests {
         let mut pick = |below: usize| random.between(0.0, below.max(1) as f64) as usize;
         for round in 0..count {
             let mut input = seeds[round % seeds.len()].clone();
-            for _ in 0..=pick(4) {
-                let (at, length) = (pick(input.len()), pick(9));
+            for _ in 0..=pick(3) {
+                let (at, length) = (pick(input.len()), 1 + pick(8));
                 let end = (at + length).min(input.len());
-                match pick(5) {
+                match pick(12) {
                     0 => input.truncate(at),
                     1 => drop(input.drain(at..end)),
                     2 => input.extend_from_within(at..end),
                     3 => input.splice(at..at, [0xff, 0xff, 0xff, 0xff, 0x0f]).for_each(drop),
-                    _ => input[at..end].iter_mut().for_each(|byte| *byte ^= 1 << (length % 8)),
+                    // Mostly flips: they leave lengths whole, so that what follows is still read.
+                    _ => input[at..end].iter_mut().take(2).for_each(|byte| *byte ^= 1 << (length - 1)),
                 }
             }
             test(&input);
@@ -146,10 +149,16 @@ mod tests {
         let seeds = womd_seeds();
         assert!(seeds.len() == 2 && seeds.iter().all(|seed| seed.len() < 2000));
         seeds.iter().for_each(|seed| assert!(womd::read(seed).is_ok()));
-        mutated(&seeds, 20_000, |input| {
+        let (count, mut scenes) = (20_000, 0);
+        mutated(&seeds, count, |input| {
             womd(input);
             womd_lint(input);
+            scenes += usize::from(womd::read(input).is_ok());
         });
+        assert!(
+            scenes > count / 10 && scenes < count,
+            "{scenes} inputs are still scenes: the mutations miss their mark"
+        );
     }
 
     #[test]

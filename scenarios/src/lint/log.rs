@@ -3,7 +3,7 @@
 use world::plan::STEP_SECONDS;
 use world::scene::Scene;
 
-use super::Lint;
+use super::{Lint, Steps};
 
 /// Farther than this in a step nobody goes (m): 144 km/h.
 const TELEPORT: f64 = 4.0;
@@ -35,15 +35,18 @@ pub(super) fn lint(scene: &Scene, lints: &mut Vec<Lint>) {
 fn teleports(scene: &Scene, lints: &mut Vec<Lint>) {
     let times = scene.timestamps();
     for track in scene.tracks() {
-        let jump = |step: usize| {
-            let (before, now) = (track.states[step - 1]?, track.states[step]?);
+        let (mut steps, mut farthest) = (Steps::default(), 0.0_f64);
+        for step in 1..track.states.len() {
+            let (Some(before), Some(now)) = (track.states[step - 1], track.states[step]) else { continue };
             let meters = before.position().distance(now.position());
             let tenths = ((times[step] - times[step - 1]) / STEP_SECONDS).max(1.0);
-            (meters > TELEPORT * tenths).then_some((step, meters))
-        };
-        let mut jumps = (1..track.states.len()).filter_map(jump);
-        if let Some((step, meters)) = jumps.next() {
-            lints.push(Lint::Teleport { track: track.id, step, meters, times: 1 + jumps.count() });
+            if meters > TELEPORT * tenths {
+                steps.push(step);
+                farthest = farthest.max(meters);
+            }
+        }
+        if !steps.is_empty() {
+            lints.push(Lint::Teleport { track: track.id, steps, meters: farthest });
         }
     }
 }

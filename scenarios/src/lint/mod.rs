@@ -6,6 +6,8 @@
 mod av;
 mod log;
 mod steps;
+#[cfg(test)]
+mod tests;
 
 use thiserror::Error;
 use world::map::MapId;
@@ -55,8 +57,8 @@ pub enum Lint {
     AvRunsRed { lane: MapId, step: usize },
     #[error("the logged AV is parked: it moves {meters:.1} m in all")]
     AvParked { meters: f64 },
-    #[error("track {track} jumps {meters:.1} m at step {step} ({times} such jumps)")]
-    Teleport { track: TrackId, step: usize, meters: f64, times: usize },
+    #[error("track {track} jumps at {steps}, {meters:.1} m at most")]
+    Teleport { track: TrackId, steps: Steps, meters: f64 },
     #[error("steps are {shortest:.3} to {longest:.3} s long, not 0.1 s (longest before step {step})")]
     IrregularTime { shortest: f64, longest: f64, step: usize },
     #[error("it has {steps} steps: a whole drive, 150 steps from step 19, needs 170")]

@@ -8,7 +8,8 @@ use insta::assert_snapshot;
 /// Runs `scenarios` in `folder`: its output, its errors and its exit code, as a person would see them.
 fn run_in(folder: &Path, arguments: &[&str]) -> String {
     let mut command = Command::new(env!("CARGO_BIN_EXE_scenarios"));
-    let output = command.args(arguments).current_dir(folder).env_remove("RUST_LOG").env("COLUMNS", "100").output().unwrap();
+    let output =
+        command.args(arguments).current_dir(folder).env_remove("RUST_LOG").env("COLUMNS", "100").output().unwrap();
     let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
     let part = |name: &str, text: String| if text.is_empty() { String::new() } else { format!("--- {name}\n{text}") };
     let parts = [part("stdout", text(&output.stdout)), part("stderr", text(&output.stderr))].concat();
@@ -85,7 +86,8 @@ fn errors_say_what_to_do() {
     write("typo.toml", b"file = ['x']\n");
     write("family.toml", b"[[generate]]\nfamily = 'roundabout'\n");
     std::fs::create_dir(folder.path().join("empty")).unwrap();
-    let inputs = ["cut.tfrecord", "packed.tfrecord.gz", "notes.txt", "typo.toml", "family.toml", "empty", "gone", "*.none"];
+    let inputs =
+        ["cut.tfrecord", "packed.tfrecord.gz", "notes.txt", "typo.toml", "family.toml", "empty", "gone", "*.none"];
     let texts: Vec<String> = inputs.iter().map(|input| run_in(folder.path(), &["list", input])).collect();
     assert_snapshot!(texts.concat());
 }

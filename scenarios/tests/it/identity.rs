@@ -26,16 +26,8 @@ fn point() -> impl Strategy<Value = Point3> {
 fn state() -> impl Strategy<Value = Option<AgentState>> {
     let size = || (0.0_f32..100.0).prop_map(f64::from);
     let state = (point(), (short(), short(), short()), (size(), size(), size()));
-    proptest::option::of(state.prop_map(|(at, (heading, velocity_x, velocity_y), (length, width, height))| AgentState {
-        x: at.x,
-        y: at.y,
-        z: at.z,
-        heading,
-        velocity_x,
-        velocity_y,
-        length,
-        width,
-        height,
+    proptest::option::of(state.prop_map(|(at, (heading, velocity_x, velocity_y), (length, width, height))| {
+        AgentState { x: at.x, y: at.y, z: at.z, heading, velocity_x, velocity_y, length, width, height }
     }))
 }
 
@@ -79,8 +71,8 @@ fn lane() -> impl Strategy<Value = Lane> {
     let kinds = [LaneKind::Undefined, LaneKind::Freeway, LaneKind::SurfaceStreet, LaneKind::BikeLane];
     let links = (vec(id(), 0..3), vec(id(), 0..3));
     let sides = (neighbors(), neighbors(), boundaries(), boundaries());
-    (id(), proptest::sample::select(kinds.to_vec()), -5.0..220.0, any::<bool>(), vec(point(), 0..4), links, sides).prop_map(
-        |(id, kind, speed_limit_mph, interpolating, centerline, (entries, exits), sides)| Lane {
+    (id(), proptest::sample::select(kinds.to_vec()), -5.0..220.0, any::<bool>(), vec(point(), 0..4), links, sides)
+        .prop_map(|(id, kind, speed_limit_mph, interpolating, centerline, (entries, exits), sides)| Lane {
             id,
             kind,
             speed_limit_mph,
@@ -92,16 +84,20 @@ fn lane() -> impl Strategy<Value = Lane> {
             right_neighbors: sides.1,
             left_boundaries: sides.2,
             right_boundaries: sides.3,
-        },
-    )
+        })
 }
 
 fn map() -> impl Strategy<Value = Map> {
     let polyline = || vec(point(), 1..4);
     let areas = || vec((id(), polyline()).prop_map(|(id, polygon)| Area { id, polygon }), 0..2);
-    let lines = vec((id(), polyline()).prop_map(|(id, polyline)| RoadLine { id, kind: RoadLineKind::SolidDoubleYellow, polyline }), 0..3);
-    let edges = vec((id(), polyline()).prop_map(|(id, polyline)| RoadEdge { id, kind: RoadEdgeKind::Median, polyline }), 0..3);
-    let signs = vec((id(), vec(id(), 0..3), point()).prop_map(|(id, lanes, position)| StopSign { id, lanes, position }), 0..2);
+    let lines = vec(
+        (id(), polyline()).prop_map(|(id, polyline)| RoadLine { id, kind: RoadLineKind::SolidDoubleYellow, polyline }),
+        0..3,
+    );
+    let edges =
+        vec((id(), polyline()).prop_map(|(id, polyline)| RoadEdge { id, kind: RoadEdgeKind::Median, polyline }), 0..3);
+    let signs =
+        vec((id(), vec(id(), 0..3), point()).prop_map(|(id, lanes, position)| StopSign { id, lanes, position }), 0..2);
     (vec(lane(), 0..5), lines, edges, signs, areas(), areas(), areas()).prop_map(
         |(lanes, road_lines, road_edges, stop_signs, crosswalks, speed_bumps, driveways)| Map {
             lanes,
@@ -122,7 +118,8 @@ fn signals() -> impl Strategy<Value = Vec<Vec<Signal>>> {
 }
 
 fn parts() -> impl Strategy<Value = SceneParts> {
-    let tasks = vec((0_usize..5, 0..3).prop_map(|(track_index, difficulty)| TrackToPredict { track_index, difficulty }), 0..3);
+    let tasks =
+        vec((0_usize..5, 0..3).prop_map(|(track_index, difficulty)| TrackToPredict { track_index, difficulty }), 0..3);
     ("[a-z0-9]{1,20}", tracks(), signals(), map(), 0..2 * STEPS, vec((0..12).prop_map(TrackId), 0..3), tasks).prop_map(
         |(id, tracks, signals, map, current_time_index, objects_of_interest, tracks_to_predict)| SceneParts {
             id,

@@ -28,7 +28,8 @@ fn folder() -> tempfile::TempDir {
 }
 
 fn open(folder: &Path, inputs: &[&str]) -> Result<SceneSet, SetError> {
-    let full = |input: &&str| if *input == "demo" { "demo".into() } else { folder.join(input).to_string_lossy().into_owned() };
+    let full =
+        |input: &&str| if *input == "demo" { "demo".into() } else { folder.join(input).to_string_lossy().into_owned() };
     SceneSet::open(&inputs.iter().map(full).collect::<Vec<String>>())
 }
 
@@ -73,7 +74,9 @@ fn a_scene_that_is_there_twice_is_an_error_that_names_both_places() {
     let error = open(folder.path(), &["a", "a/2.tfrecord"]).unwrap_err();
     let SetError::Duplicate { id, first, second } = error else { panic!("{error}") };
     assert_eq!(id.as_str(), "c");
-    assert!(first.to_string().contains("2.tfrecord (record 0)") && second.to_string().contains("2.tfrecord (record 0)"));
+    assert!(
+        first.to_string().contains("2.tfrecord (record 0)") && second.to_string().contains("2.tfrecord (record 0)")
+    );
 }
 
 #[test]
