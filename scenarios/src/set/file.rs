@@ -38,7 +38,7 @@ pub struct SetFile {
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Generate {
-    /// The family's name; `scenarios families` lists them.
+    /// The family's name; docs/scenes.md lists them.
     pub family: String,
     /// Where its random numbers start.
     #[serde(default)]
