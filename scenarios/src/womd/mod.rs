@@ -1,6 +1,6 @@
 //! The Waymo Open Motion Dataset's scenario format: one protobuf `Scenario` a record of a TFRecord file.
 //!
-//! [`read`] takes a record's payload and gives a checked scene; [`write`] is its inverse. Neither does IO.
+//! [`read`] takes a record's payload and gives a checked scene; [`write()`] is its inverse. Neither does IO.
 
 mod kinds;
 pub mod message;
