@@ -12,6 +12,8 @@
 //! | [`node`] | the nodes' side: what a planner or predictor implements, and how it is served |
 
 pub mod convert;
+#[doc(hidden)]
+pub mod fuzzing;
 pub mod hub;
 pub mod keys;
 pub mod node;

@@ -14,6 +14,7 @@ use world::scene::{AgentKind, AgentState, SceneId, TrackId};
 use world::signal::{Signal, SignalState};
 
 use super::*;
+use crate::fuzzing;
 
 fn number() -> impl Strategy<Value = f64> {
     -1e5..1e5
@@ -185,13 +186,12 @@ where
     W::try_from(decode::<P>(&message.encode_to_vec())?)
 }
 
-/// Takes bytes as every message there is. Only that it returns matters.
 fn take_as_anything(bytes: &[u8]) {
-    let _ = decode::<proto::Scene>(bytes).and_then(Briefing::try_from);
-    let _ = decode::<proto::Observation>(bytes).and_then(Observation::try_from);
-    let _ = decode::<proto::Plan>(bytes).and_then(UncheckedPlan::try_from).map(|plan| plan.check(3));
-    let _ = decode::<proto::Prediction>(bytes).and_then(UncheckedPrediction::try_from).map(|p| p.check(3));
-    let _ = decode::<proto::EpisodeEnd>(bytes);
+    fuzzing::scene(bytes);
+    fuzzing::observation(bytes);
+    fuzzing::plan(bytes);
+    fuzzing::prediction(bytes);
+    fuzzing::key(bytes);
 }
 
 proptest! {
@@ -220,6 +220,11 @@ proptest! {
     #[test]
     fn noise_is_refused_or_taken_but_never_a_panic(bytes in vec(any::<u8>(), 0..300)) {
         take_as_anything(&bytes);
+    }
+
+    #[test]
+    fn texts_that_look_like_keys_are_taken_or_refused(key in "reloop/[a-z]{0,2}/(@tape/|@node/)?([a-z@*0-9]{0,3}/){0,4}(plan|end|1|x)?") {
+        fuzzing::key(key.as_bytes());
     }
 
     #[test]

@@ -165,9 +165,23 @@ impl EpisodeLine {
     ) -> Result<(UncheckedPlan, Option<UncheckedPrediction>), LineError> {
         self.look_for_nodes()?;
         self.counts.observations += 1;
-        self.tell_nodes(Channel::Observation, proto::Observation::from(observation).encode_to_vec().into())?;
-        let until = Instant::now() + deadline;
+        let payload = ZBytes::from(proto::Observation::from(observation).encode_to_vec());
+        let mut told = vec![(Channel::Observation, payload.clone())];
+        let answers = self.exchange(payload, deadline, &mut told);
+        // Only now: the tape's thread would take the time in which the answer is awaited.
+        self.tell(told);
+        answers
+    }
 
+    /// Sends an observation and waits for its answers, which go into `told` as they come.
+    fn exchange(
+        &mut self,
+        observation: ZBytes,
+        deadline: Duration,
+        told: &mut Vec<(Channel, ZBytes)>,
+    ) -> Result<(UncheckedPlan, Option<UncheckedPrediction>), LineError> {
+        self.send(Channel::Observation, observation)?;
+        let until = Instant::now() + deadline;
         let (mut plan, mut prediction) = (None, None);
         loop {
             match (plan.take(), self.expects_prediction, prediction.take()) {
@@ -181,13 +195,13 @@ impl EpisodeLine {
                 Incoming::Answer(Channel::Plan, bytes) => {
                     let message = taken::<proto::Plan>(Role::Planner, &bytes)?;
                     self.counts.plans += 1;
-                    self.tell(Channel::Plan, bytes);
+                    told.push((Channel::Plan, bytes));
                     plan = Some(UncheckedPlan::try_from(message).map_err(LineError::bad(Role::Planner))?);
                 }
                 Incoming::Answer(Channel::Prediction, bytes) if self.expects_prediction => {
                     let message = taken::<proto::Prediction>(Role::Predictor, &bytes)?;
                     self.counts.predictions += 1;
-                    self.tell(Channel::Prediction, bytes);
+                    told.push((Channel::Prediction, bytes));
                     prediction = Some(UncheckedPrediction::try_from(message).map_err(LineError::bad(Role::Predictor))?);
                 }
                 Incoming::Answer(..) => {}
@@ -198,13 +212,13 @@ impl EpisodeLine {
     /// Tells how a step went.
     pub fn publish_record(&mut self, record: &proto::StepRecord) {
         self.counts.records += 1;
-        self.tell(Channel::Record, record.encode_to_vec().into());
+        self.tell(vec![(Channel::Record, record.encode_to_vec().into())]);
     }
 
     /// Tells what happened.
     pub fn publish_event(&mut self, event: &proto::Event) {
         self.counts.events += 1;
-        self.tell(Channel::Event, event.encode_to_vec().into());
+        self.tell(vec![(Channel::Event, event.encode_to_vec().into())]);
     }
 
     /// Tells how the episode ended, and how many messages of each kind there were. Gives back what was told.
@@ -260,14 +274,20 @@ impl EpisodeLine {
 
     /// Tells the nodes, and everybody who listens in.
     fn tell_nodes(&self, channel: Channel, payload: ZBytes) -> Result<(), LineError> {
-        session::send(&self.shared.session, &self.address(channel).key(&self.shared.run), payload.clone())?;
-        self.tell(channel, payload);
+        self.send(channel, payload.clone())?;
+        self.tell(vec![(channel, payload)]);
         Ok(())
     }
 
+    fn send(&self, channel: Channel, payload: ZBytes) -> Result<(), LineError> {
+        Ok(session::send(&self.shared.session, &self.address(channel).key(&self.shared.run), payload)?)
+    }
+
     /// Tells everybody who listens in.
-    fn tell(&self, channel: Channel, payload: ZBytes) {
-        self.shared.tape.push(self.address(channel).tape_key(&self.shared.run), payload);
+    fn tell(&self, messages: Vec<(Channel, ZBytes)>) {
+        let keyed =
+            messages.into_iter().map(|(channel, payload)| (self.address(channel).tape_key(&self.shared.run), payload));
+        self.shared.tape.push(keyed.collect());
     }
 
     fn address(&self, channel: Channel) -> Address {

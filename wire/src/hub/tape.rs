@@ -56,20 +56,23 @@ impl Tape {
         Self { queue, patience: 2 * stall, thread: Some(thread) }
     }
 
-    /// Puts a message at the end of the queue.
-    pub(super) fn push(&self, key: String, payload: ZBytes) {
+    /// Puts messages at the end of the queue, together.
+    pub(super) fn push(&self, messages: Vec<(String, ZBytes)>) {
+        let bytes: usize = messages.iter().map(|(_, payload)| payload.len()).sum();
         let until = Instant::now() + self.patience;
         let mut state = lock(&self.queue.state);
-        while state.bytes + payload.len() > QUEUE_BYTES && !state.messages.is_empty() {
+        while state.bytes + bytes > QUEUE_BYTES && !state.messages.is_empty() {
             let left = until.saturating_duration_since(Instant::now());
             if left.is_zero() {
-                tracing::error!("the recorder is too slow: {key} is left out");
+                for (key, _) in messages {
+                    tracing::error!("the recorder is too slow: {key} is left out");
+                }
                 return;
             }
             state = self.queue.changed.wait_timeout(state, left).unwrap_or_else(PoisonError::into_inner).0;
         }
-        state.bytes += payload.len();
-        state.messages.push_back((key, payload));
+        state.bytes += bytes;
+        state.messages.extend(messages);
         self.queue.changed.notify_all();
     }
 }
