@@ -4,10 +4,11 @@
     python -m venv venv && venv/bin/pip install eclipse-zenoh==1.10.2 grpcio-tools
     sim run --planner-command 'venv/bin/python examples/python/planner.py'
 
-`sim run` starts one process for each worker and tells it by RELOOP_ENDPOINT, RELOOP_RUN and RELOOP_WORKER where to
-connect. docs/bus.md describes the keys and the messages; wire/proto/reloop.proto is the contract.
+`sim run` starts one process for each worker and tells it by arguments, and by RELOOP_ENDPOINT, RELOOP_RUN and
+RELOOP_WORKER, where to connect. docs/bus.md describes the keys and the messages; wire/proto/reloop.proto is the contract.
 """
 
+import argparse
 import math
 import os
 import pathlib
@@ -52,10 +53,20 @@ def plan(pb, observation):
     return answer
 
 
+def options():
+    """Where to connect, and as whom."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--endpoint", default=os.environ.get("RELOOP_ENDPOINT"))
+    parser.add_argument("--run", default=os.environ.get("RELOOP_RUN"))
+    parser.add_argument("--worker", default=os.environ.get("RELOOP_WORKER", "*"))
+    parser.add_argument("--name", default=f"python-{os.getpid()}")
+    return parser.parse_known_args()[0]
+
+
 def main():
     pb = messages()
-    endpoint, run = os.environ["RELOOP_ENDPOINT"], os.environ["RELOOP_RUN"]
-    worker = os.environ.get("RELOOP_WORKER", "*")
+    asked = options()
+    endpoint, run, worker = asked.endpoint, asked.run, asked.worker
 
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
@@ -75,7 +86,7 @@ def main():
     # Last, because who sees it may count on the subscribers above.
     serves = "all" if worker == "*" else worker
     token = session.liveliness().declare_token(
-        f"reloop/{run}/@node/planner/{serves}/python-{os.getpid()}/{WIRE_VERSION}"
+        f"reloop/{run}/@node/planner/{serves}/{asked.name}/{WIRE_VERSION}"
     )
 
     while (sample := todo.get()) is not None:

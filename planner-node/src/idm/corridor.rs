@@ -46,6 +46,17 @@ pub struct Footprint {
     pub laterals: (f64, f64),
 }
 
+impl Footprint {
+    /// The same, so many metres further along and to the left.
+    pub fn moved(&self, along: f64, left: f64) -> Self {
+        Self {
+            sample: self.sample,
+            stations: (self.stations.0 + along, self.stations.1 + along),
+            laterals: (self.laterals.0 + left, self.laterals.1 + left),
+        }
+    }
+}
+
 impl<'a> Corridor<'a> {
     /// The corridor of a window; `None` where it has less than two samples.
     pub fn new(window: &'a ReferenceWindow) -> Option<Self> {

@@ -22,6 +22,10 @@ const SLOWEST_APPROACH: f64 = 3.0;
 /// Room to either side of the AV (m), and for people on foot or on a bicycle.
 const SIDE_MARGIN: f64 = 0.15;
 const SIDE_MARGIN_VULNERABLE: f64 = 0.4;
+/// An agent drives along the line, or against it, where this share of its speed at most is across (sine of 30 degrees).
+const PARALLEL: f64 = 0.5;
+/// ... and drifts out of its lane where it is more than this (m/s): what is less is noise.
+const DRIFT: f64 = 0.3;
 /// Below this (m/s) an agent stands: what is logged is noise.
 const STANDING: f64 = 0.5;
 /// What is this much above or below the line (m) is on another level.
@@ -122,44 +126,85 @@ fn of_agent(corridor: &Corridor<'_>, av: &Av, agent: &ObservedAgent) -> Option<O
     {
         return None;
     }
-    if blocks(av, &nearest, margin) {
-        let along = Point::unit(corridor.heading(nearest.sample)).dot(state.velocity());
-        let speed = if standing { 0.0 } else { along.max(0.0) };
-        return Some(Obstacle { what: What::Agent(agent.track), station: nearest.stations.0, speed });
+    let motion = Motion::of(corridor, &nearest, state);
+    if overlaps(av, &nearest, margin) && is_ahead(av, &nearest, motion.speed()) {
+        return Some(Obstacle { what: What::Agent(agent.track), station: nearest.stations.0, speed: motion.speed() });
     }
-    if standing { None } else { crossing(corridor, av, agent, margin) }
+    if standing { None } else { crossing(corridor, av, agent, &nearest, motion, margin) }
 }
 
-/// Whether the footprint lies in the AV's corridor, ahead of its front.
-fn blocks(av: &Av, footprint: &Footprint, margin: f64) -> bool {
+/// How an agent goes on.
+#[derive(Clone, Copy)]
+struct Motion {
+    /// Its velocity along the line and to the left (m/s).
+    along: f64,
+    across: f64,
+    /// It drives roughly with the line or against it: so it will where the line turns.
+    follows: bool,
+}
+
+impl Motion {
+    fn of(corridor: &Corridor<'_>, footprint: &Footprint, state: &AgentState) -> Self {
+        let velocity = if state.speed() < STANDING { Point::default() } else { state.velocity() };
+        let tangent = Point::unit(corridor.heading(footprint.sample));
+        let (along, across) = (tangent.dot(velocity), tangent.cross(velocity));
+        let follows = across.abs() < PARALLEL * velocity.norm();
+        let drifts = across.abs() > DRIFT;
+        Self { along, across: if follows && !drifts { 0.0 } else { across }, follows }
+    }
+
+    /// Speed along the line (m/s), never negative.
+    fn speed(&self) -> f64 {
+        self.along.max(0.0)
+    }
+}
+
+/// Whether the footprint lies in the AV's corridor.
+fn overlaps(av: &Av, footprint: &Footprint, margin: f64) -> bool {
     let (right, left) = av.edges(footprint.stations.0, margin);
-    // What has its near end behind the AV's front is beside it, and not the AV's to avoid by braking.
-    footprint.stations.0 > av.front - 0.5 && footprint.laterals.0 < left && footprint.laterals.1 > right
+    footprint.laterals.0 < left && footprint.laterals.1 > right
+}
+
+/// Whether the AV can avoid it by braking. One that moves along the line cuts in as soon as its nose is ahead; one that
+/// stands or crosses is past when the AV's front is.
+fn is_ahead(av: &Av, footprint: &Footprint, speed: f64) -> bool {
+    if speed > STANDING { footprint.stations.1 > av.front + 0.5 } else { footprint.stations.0 > av.front - 0.5 }
 }
 
 /// An agent that is beside the corridor now, and will be in it when the AV is there.
-fn crossing(corridor: &Corridor<'_>, av: &Av, agent: &ObservedAgent, margin: f64) -> Option<Obstacle> {
+fn crossing(
+    corridor: &Corridor<'_>,
+    av: &Av,
+    agent: &ObservedAgent,
+    now: &Footprint,
+    motion: Motion,
+    margin: f64,
+) -> Option<Obstacle> {
     let steps = (PROJECTION / PROJECTION_STEP) as usize;
     (1..=steps).find_map(|k| {
         let seconds = k as f64 * PROJECTION_STEP;
-        let footprint = corridor.footprint(&later(&agent.state, seconds));
-        if !blocks(av, &footprint, margin) {
+        let then = if motion.follows {
+            now.moved(motion.along * seconds, motion.across * seconds)
+        } else {
+            corridor.footprint(&later(&agent.state, seconds))
+        };
+        if !overlaps(av, &then, margin) || then.stations.1 < av.front {
             return None;
         }
-        let along = Point::unit(corridor.heading(footprint.sample)).dot(agent.state.velocity());
         // When the AV would come to where the agent is then, and when it would have left it.
         let pace = av.speed.max(SLOWEST_APPROACH);
-        let arrival = (footprint.stations.0 - av.front) / pace - CROSSING_MARGIN;
-        let departure = (footprint.stations.1 - av.rear) / pace + CROSSING_MARGIN;
+        let arrival = (then.stations.0 - av.front) / pace - CROSSING_MARGIN;
+        let departure = (then.stations.1 - av.rear) / pace + CROSSING_MARGIN;
         // One that drives along the line merges, and is followed from now on at its own speed.
-        let merges = along > 0.7 * agent.state.speed();
+        let merges = motion.follows && motion.along > 0.0;
         if !merges && !(arrival..=departure).contains(&seconds) {
             return None;
         }
-        let speed = if merges { along } else { 0.0 };
-        let station = footprint.stations.0 - speed * seconds;
+        let speed = if merges { motion.along } else { 0.0 };
         // One that comes from behind has its own driver to brake.
-        (station > av.front - 0.5).then_some(Obstacle { what: What::Crossing(agent.track), station, speed })
+        let start = then.moved(-speed * seconds, 0.0);
+        let obstacle = Obstacle { what: What::Crossing(agent.track), station: start.stations.0, speed };
+        is_ahead(av, &start, speed).then_some(obstacle)
     })
 }
 

@@ -25,8 +25,8 @@ const EXPONENT: i32 = 4;
 
 /// Where the map gives no speed limit: 25 mph, the usual one of residential streets in the United States (m/s).
 const DEFAULT_SPEED_LIMIT: f64 = 25.0 * world::map::METERS_PER_SECOND_PER_MPH;
-/// Lateral acceleration in curves (m/s^2): between comfort (about 2) and the bound of nuPlan's comfort metric (4.89).
-const LATERAL_ACCELERATION: f64 = 2.5;
+/// Lateral acceleration in curves (m/s^2): between what passengers like (about 2) and the bound of nuPlan's comfort metric (4.89).
+const LATERAL_ACCELERATION: f64 = 3.0;
 /// Braking towards a curve or a lower limit (m/s^2).
 const ANTICIPATION: f64 = 1.5;
 /// What is too fast for the line goes in this time (s).

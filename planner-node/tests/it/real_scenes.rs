@@ -1,4 +1,4 @@
-//! The planner `idm` on real scenes, against a small closed loop of its own: the AV by the bicycle model, everybody else
+//! The planner `idm` on real scenes and on the demo set, against a small closed loop of its own: the AV by the bicycle model, everybody else
 //! as logged. The simulator's judges say more; here it must stay on its line and drive into nobody.
 
 use std::collections::BTreeSet;
@@ -103,9 +103,9 @@ fn drive(scene: &Scene, route: &Route) -> Option<Drive> {
             if !boxes_overlap(&body, &other.state.oriented_box()) || !touched.insert(other.track) || logged {
                 continue;
             }
-            // The first touch tells who drove into whom.
+            // The first touch tells who drove into whom: the AV into what is ahead and slower.
             let ahead = body.forward.dot(other.state.position() - av.position()) > 0.25 * av.length;
-            if ahead && next.speed > 0.05 {
+            if ahead && next.speed > body.forward.dot(other.state.velocity()).max(0.05) {
                 hits.push((k, other.track));
             }
         }
@@ -123,8 +123,16 @@ fn idm_stays_on_its_line_and_drives_into_nobody() {
         return;
     };
     let folders = ["data/womd-derived/20s", "data/womd-derived/20s-partial"];
-    let folders = folders.map(|folder| shared.join(folder).to_string_lossy().into_owned());
-    let set = SceneSet::open(&folders).unwrap();
+    check(&folders.map(|folder| shared.join(folder).to_string_lossy().into_owned()));
+}
+
+#[test]
+fn idm_drives_the_demo_set() {
+    check(&["demo".to_owned()]);
+}
+
+fn check(scenes: &[String]) {
+    let set = SceneSet::open(scenes).unwrap();
     let mut hits = Vec::new();
     for (index, entry) in set.entries().iter().enumerate() {
         let (scene, _) = set.load(index).unwrap();
