@@ -21,8 +21,8 @@ pub const HEADER_BYTES: usize = 12;
 /// Bytes after a payload.
 pub const FOOTER_BYTES: usize = 4;
 
-/// The longest payload that is read: 256 MiB, a hundred times the largest scene seen. A longer one is a damaged length.
-pub const MAX_PAYLOAD_BYTES: u64 = 256 << 20;
+/// The longest payload that is read: 64 MiB, thirty times the largest scene seen. A longer one is a damaged length.
+pub const MAX_PAYLOAD_BYTES: u64 = 64 << 20;
 
 /// CRC32C of `bytes`, masked as TFRecord does, so that a sum over data that holds sums stays sound.
 #[must_use]
