@@ -1,13 +1,14 @@
 //! The layout a viewer opens a recording with: the scene large on the left, plots to its right, the log and texts below.
 
 use re_sdk_types::blueprint::archetypes::{
-    Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend, TimePanelBlueprint,
-    ViewBlueprint, ViewContents, ViewportBlueprint,
+    Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend, TextLogColumns,
+    TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint,
 };
 use re_sdk_types::blueprint::components::{
     BackgroundKind, ColumnShare, ContainerKind, Eye3DKind, IncludedContent, PanelState, PlayState, RootContainer,
     RowShare,
 };
+use re_sdk_types::blueprint::datatypes::{TextLogColumn, TextLogColumnKind};
 use re_sdk_types::datatypes::Uuid;
 
 use super::columns::color;
@@ -100,6 +101,9 @@ pub fn write(store: Store<'_>, drive: &[[f32; 3]]) -> Result<(), RrdError> {
         plots.push(plot);
     }
     let events = layout.view("TextLog", "Events", "/events", "$origin/**")?;
+    let columns =
+        [TextLogColumnKind::LogLevel, TextLogColumnKind::Body].map(|kind| TextLogColumn { kind, visible: true.into() });
+    layout.store.log(format!("{events}/TextLogColumns"), &TextLogColumns::new().with_text_log_columns(columns))?;
     let outcome = layout.view("TextDocument", "Outcome", "/outcome", "$origin/**")?;
     let settings = layout.view("TextDocument", "Settings", "/settings", "$origin/**")?;
 
