@@ -293,8 +293,7 @@ proptest! {
         ),
         drive in prop::collection::vec((-40.0..40.0, -40.0..40.0, -9.0..9.0), 1..40),
     ) {
-        let linked = |(id, (points, exits)): (i64, &(Vec<(f64, f64)>, Vec<i64>))| lane(id, points, exits, exits);
-        let lanes = (0..).zip(&lanes).map(linked).collect();
+        let lanes = (0..).zip(&lanes).map(|(id, (points, exits))| lane(id, points, exits, exits)).collect();
         let drive = drive.into_iter().map(|(x, y, heading)| Pose::new(x, y, heading));
         let scene = scene_with(Map { lanes, ..Map::default() }, drive, &[]);
         for style in [RouteStyle::Strict, RouteStyle::Paper] {
