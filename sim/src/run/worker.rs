@@ -82,8 +82,12 @@ impl Shared {
 
     fn start_command(&self, process: &str, mut command: Command, groups: &Groups) -> Result<Process, String> {
         let run = self.hub.run().to_string();
+        // Nodes say what the sim would say, unless the user said otherwise.
+        if std::env::var_os("RUST_LOG").is_none() {
+            command.env("RUST_LOG", if tracing::enabled!(tracing::Level::INFO) { "info" } else { "warn" });
+        }
         // In the environment too, for a planner's command that is a script.
-        command.env("RELOOP_ENDPOINT", self.hub.endpoint()).env("RELOOP_RUN", &run);
+        command.env("NO_COLOR", "1").env("RELOOP_ENDPOINT", self.hub.endpoint()).env("RELOOP_RUN", &run);
         command.args(["--endpoint", self.hub.endpoint(), "--run", &run, "--exit-with-parent"]);
         Process::start(process, command, groups, &self.console).map_err(|error| error.to_string())
     }
@@ -291,12 +295,15 @@ impl Worker<'_> {
             return Ok(());
         }
         part.recorded = false;
-        let path = self.shared.folder.episodes().join(format!("{scene}.mcap"));
-        match fs::remove_file(&path) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                Err(crate::files::at("remove", &path)(error).to_string())
+        for kind in ["mcap", "rrd"] {
+            let path = self.shared.folder.episodes().join(format!("{scene}.{kind}"));
+            match fs::remove_file(&path) {
+                Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                    return Err(crate::files::at("remove", &path)(error).to_string());
+                }
+                _ => {}
             }
-            _ => Ok(()),
         }
+        Ok(())
     }
 }

@@ -1,0 +1,107 @@
+//! A planner that drives straight on, but for one step of one scene, at which it does what `RELOOP_LIE` says:
+//! `SCENE STEP LIE`, with LIE one of `die`, `stop`, `silence`, `error`, `nan`, `length`, `controls`, `step`, `version`.
+//!
+//! What it is to do comes by the environment, for two runs of one command must differ in nothing else.
+
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use clap::Parser;
+use nix::sys::signal::{Signal, raise};
+use wire::keys::{NodeId, Role};
+use wire::node::{Options, Planner, PlannerFactory, StepInput, serve_planner};
+use wire::{WIRE_VERSION, session};
+use world::observation::Briefing;
+use world::plan::{Control, PLAN_STEPS, PlanState, UncheckedPlan};
+use zenoh::Wait;
+
+#[derive(Parser)]
+struct Cli {
+    #[command(flatten)]
+    node: Options,
+}
+
+#[derive(Clone)]
+struct Lie {
+    scene: String,
+    step: u32,
+    what: String,
+}
+
+struct Liar(Option<Lie>);
+
+impl PlannerFactory for Liar {
+    fn start(&self, briefing: &Briefing) -> Result<Box<dyn Planner>, String> {
+        let here = |lie: &Lie| lie.scene == briefing.scene.as_str();
+        Ok(Box::new(Liar(self.0.clone().filter(here))))
+    }
+}
+
+impl Planner for Liar {
+    fn plan(&mut self, input: &StepInput<'_>) -> Result<UncheckedPlan, String> {
+        let plan = straight_on(input);
+        match self.0.as_ref().filter(|lie| lie.step == plan.step) {
+            Some(lie) => tell(&lie.what, plan),
+            None => Ok(plan),
+        }
+    }
+}
+
+fn tell(lie: &str, mut plan: UncheckedPlan) -> Result<UncheckedPlan, String> {
+    match lie {
+        "die" => raise(Signal::SIGKILL).unwrap(),
+        "stop" => raise(Signal::SIGSTOP).unwrap(),
+        "silence" => std::thread::sleep(Duration::from_secs(600)),
+        "error" => return Err("I would rather not".to_owned()),
+        "nan" => plan.states[7].x = f64::NAN,
+        "length" => plan.states.truncate(49),
+        "controls" => plan.controls.truncate(10),
+        "step" => plan.step += 1,
+        other => panic!("no such lie: {other}"),
+    }
+    Ok(plan)
+}
+
+fn straight_on(input: &StepInput<'_>) -> UncheckedPlan {
+    let av = &input.observation.av;
+    let state = |k: usize| {
+        let seconds = 0.1 * k as f64;
+        PlanState {
+            x: av.x + av.velocity_x * seconds,
+            y: av.y + av.velocity_y * seconds,
+            heading: av.heading,
+            speed: av.speed(),
+        }
+    };
+    UncheckedPlan {
+        step: input.observation.step,
+        states: (1..=PLAN_STEPS).map(state).collect(),
+        controls: vec![Control::default(); PLAN_STEPS],
+        ..UncheckedPlan::default()
+    }
+}
+
+/// Shows the token of a node of the next version, and waits to be ended.
+fn pose_as_newer(options: &Options) {
+    let session = session::open_client(&options.endpoint).unwrap();
+    let name = options.name.as_deref().unwrap();
+    let node =
+        NodeId { version: WIRE_VERSION + 1, ..NodeId::new(Role::Planner, options.worker.clone(), name).unwrap() };
+    let _token = session.liveliness().declare_token(node.key(&options.run)).wait().unwrap();
+    let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
+}
+
+fn main() {
+    let options = Cli::parse().node;
+    let lie = std::env::var("RELOOP_LIE").ok().map(|text| {
+        let words: Vec<&str> = text.split(' ').collect();
+        let [scene, step, what] = words[..] else { panic!("RELOOP_LIE is SCENE STEP LIE") };
+        Lie { scene: scene.to_owned(), step: step.parse().unwrap(), what: what.to_owned() }
+    });
+    if lie.as_ref().is_some_and(|lie| lie.what == "version") {
+        return pose_as_newer(&options);
+    }
+    serve_planner(&options, Arc::new(Liar(lie))).unwrap();
+}

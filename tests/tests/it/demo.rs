@@ -1,0 +1,121 @@
+//! One command, a table, a folder.
+
+use std::fs;
+
+use sim::results::parquet::Table;
+
+use crate::stage::Stage;
+
+/// The names of the files in a folder of the run.
+fn names(stage: &Stage, folder: &str) -> Vec<String> {
+    let entries = fs::read_dir(stage.path(folder)).unwrap();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+/// The names of the recordings of these scenes.
+fn recordings(scenes: Vec<String>) -> Vec<String> {
+    let mut names: Vec<_> =
+        scenes.iter().flat_map(|scene| ["mcap", "rrd"].map(|kind| format!("{scene}.{kind}"))).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn one_command_drives_the_demo_set_and_prints_its_table() {
+    let stage = Stage::new();
+    let ended = stage.good_sim("run --timing");
+    let lines: Vec<&str> = ended.out.lines().collect();
+    // Not the driver's figures: they change with every improvement of it.
+    insta::assert_snapshot!(lines[..5].join("\n"), @"
+    driver idm, protocol strict, motion bicycle, 7 scenes
+
+    driver  epi-        colli-    at   off  off   red  pro-  acc.  jerk  lat. error error error nuPlan
+           sodes failed   sion fault route road light gress              acc.  @3 s  @5 s @10 s  score
+                             %     %     %    %     %     m  m/s²  m/s³  m/s²     m     m     m
+    ");
+    assert!(lines[6].starts_with("idm        7      0 "), "{}", ended.out);
+    assert_eq!(lines[8], "folder runs/idm-strict-1");
+    let digest = sim::results::digest(&stage.path("runs/idm-strict-1")).unwrap();
+    assert_eq!(lines[9], format!("digest {digest}"));
+    assert!(ended.err.contains("times real time"), "{}", ended.err);
+    assert_eq!(names(&stage, "runs"), ["idm-strict-1"]);
+    let run = "runs/idm-strict-1";
+    assert_eq!(
+        names(&stage, run),
+        [".lock", "episodes", "results.parquet", "run.toml", "steps.parquet", "timing.parquet"]
+    );
+    let driven = Table::read(&stage.path(run).join("results.parquet")).unwrap();
+    assert_eq!(names(&stage, &format!("{run}/episodes")), recordings(driven.text("scene").unwrap()));
+
+    let table = stage.good_sim(&format!("table {run}"));
+    assert!(ended.out.starts_with(&table.out), "{}", table.out);
+    let again = stage.good_sim(&format!("run --out {run}"));
+    assert_eq!(again.out, ended.out);
+    assert!(again.err.contains("is finished already: nothing was driven"), "{}", again.err);
+}
+
+#[test]
+fn every_driver_drives_and_their_runs_stand_side_by_side() {
+    let stage = Stage::new();
+    let mut folders = Vec::new();
+    for (driver, predictor) in [("human", "oracle"), ("constant-velocity", "none"), ("idm", "ctrv")] {
+        stage.good_sim(&format!("run --scenarios small.toml --record none --driver {driver} --predictor {predictor}"));
+        folders.push(if predictor == "none" {
+            format!("runs/{driver}-strict-1")
+        } else {
+            format!("runs/{driver}-{predictor}-strict-1")
+        });
+    }
+    // The two that nobody will improve.
+    insta::assert_snapshot!(stage.good_sim(&format!("table {}", folders[..2].join(" "))).out, @"
+    protocol strict, 3 scenes
+
+    driver             epi-        colli-    at   off  off   red  pro-  acc.  jerk  lat. error error error nuPlan
+                      sodes failed   sion fault route road light gress              acc.  @3 s  @5 s @10 s  score
+                                        %     %     %    %     %     m  m/s²  m/s³  m/s²     m     m     m
+    ──────────────────────────────────────────────────────────────────────────────────────────────────────────────
+    human-oracle          3      0    0.0   0.0   0.0  0.0   0.0 113.1 0.676 0.254 0.004  0.00  0.00  0.00  1.000
+    constant-velocity     3      0   33.3  33.3  33.3 33.3  33.3 113.6 0.000 0.000 0.000  1.23  4.17 53.36  0.333
+    ");
+    let folders = folders.join(" ");
+    let csv = stage.good_sim(&format!("table --format csv {folders}")).out;
+    assert_eq!(csv.lines().count(), 4);
+}
+
+#[test]
+fn a_folder_of_another_run_is_refused_and_every_difference_named() {
+    let stage = Stage::new();
+    stage.good_sim("run --scenarios small.toml --record none --out run");
+    let before = stage.files("run");
+    let ended =
+        stage.sim("run --scenarios small.toml --record none --out run --driver constant-velocity --deadline 2s");
+    assert_eq!(ended.code, Some(2));
+    insta::assert_snapshot!(ended.err, @r#"
+    error: run holds another run:
+      settings.deadline-s: 5.0 there, 2.0 here
+      settings.driver: "idm" there, "constant-velocity" here
+      settings.planner.name: "idm" there, "constant-velocity" here
+    hint: repeat the command it was begun with, or give another folder with --out
+    "#);
+    let ended = stage.sim("run --record none --out run");
+    assert_eq!(ended.code, Some(2));
+    assert!(ended.err.contains("scenes: 3 there, "), "{}", ended.err);
+    assert!(before == stage.files("run"));
+}
+
+#[test]
+fn only_failures_are_kept_when_only_failures_are_asked_for() {
+    let stage = Stage::new();
+    // Straight on, come what may: some of these end in a collision or off the route.
+    let ended = stage.good_sim("run --driver constant-velocity --record failures --out run");
+    let results = Table::read(&stage.path("run/results.parquet")).unwrap();
+    let (scenes, reasons) = (results.text("scene").unwrap(), results.text("end_reason").unwrap());
+    let bad = |reason: &str| ["collision", "off-route", "driver-failed"].contains(&reason);
+    let kept: Vec<_> =
+        scenes.into_iter().zip(reasons).filter(|(_, reason)| bad(reason)).map(|(scene, _)| scene).collect();
+    assert_eq!(names(&stage, "run/episodes"), recordings(kept.clone()));
+    assert!(!kept.is_empty(), "{}", ended.out);
+}

@@ -1,0 +1,28 @@
+//! End to end: the built programs, from outside.
+//!
+//! | file | what is claimed |
+//! | --- | --- |
+//! | `demo.rs` | one command, a table, a folder; finished runs and other runs' folders are left alone |
+//! | `repeat.rs` | same command, same bytes, for any number of workers |
+//! | `killed.rs` | a killed run is continued, and comes out as if it had not been |
+//! | `nodes.rs` | nodes that die, stall or lie cost their own episode and nothing else |
+//! | `recorder.rs` | a recorder that dies costs recordings and no result |
+//! | `interrupt.rs` | Ctrl-C leaves nothing running |
+//! | `future.rs` | no message holds a logged state later than its step |
+//! | `redrive.rs` | the plans of a recording give its drive again |
+//! | `real_scenes.rs` | real scenes come to a result, where they are at hand |
+//! | `stage.rs`, `recording.rs` | what they share: running programs, comparing folders, reading MCAP |
+
+#![allow(clippy::unwrap_used, clippy::expect_used, missing_docs, reason = "a test may panic")]
+
+mod demo;
+mod future;
+mod interrupt;
+mod killed;
+mod nodes;
+mod real_scenes;
+mod recorder;
+mod recording;
+mod redrive;
+mod repeat;
+mod stage;

@@ -1,0 +1,47 @@
+//! The plans of a recording give its drive again, to the bit: no bus, no node, no clock.
+
+use prost::Message;
+use scenarios::SceneSet;
+use sim::episode::Episode;
+use sim::run::folder::read_run_file;
+use wire::proto::{EpisodeEnd, Event, Plan, StepRecord};
+use world::plan::UncheckedPlan;
+
+use crate::recording::{messages, of_channel};
+use crate::stage::Stage;
+
+/// Drives every episode of a run again from its recording.
+fn drive_again(driver: &str) {
+    let stage = Stage::new();
+    stage.good_sim(&format!("run --driver {driver} --out run"));
+    let protocol = read_run_file(&stage.path("run")).unwrap().unwrap().settings.protocol;
+    let set = SceneSet::open(&[]).unwrap();
+    for (index, entry) in set.entries().iter().enumerate() {
+        let recording = messages(&stage.path("run/episodes").join(format!("{}.mcap", entry.id)));
+        let (scene, _) = set.load(index).unwrap();
+        let mut episode = Episode::new(scene, &protocol).unwrap();
+        for (step, plan) in of_channel::<Plan>(&recording, "plan").into_iter().enumerate() {
+            let plan = UncheckedPlan::try_from(plan).unwrap().check(step as u32).unwrap();
+            episode.advance(&plan);
+        }
+        let outcome = episode.finish();
+        let bytes = |records: &[StepRecord]| records.iter().map(Message::encode_to_vec).collect::<Vec<_>>();
+        assert!(bytes(&outcome.records) == bytes(&of_channel(&recording, "record")), "{}: other records", entry.id);
+        let mut events = [outcome.events, of_channel::<Event>(&recording, "event")]
+            .map(|events| events.iter().map(Message::encode_to_vec).collect::<Vec<_>>());
+        events.iter_mut().for_each(|events| events.sort());
+        assert!(events[0] == events[1], "{}: other events", entry.id);
+        let end = of_channel::<EpisodeEnd>(&recording, "end").remove(0);
+        assert_eq!((outcome.end.reason, outcome.end.metrics), (end.reason, end.metrics), "{}", entry.id);
+    }
+}
+
+#[test]
+fn a_recorded_drive_is_driven_again_to_the_bit() {
+    drive_again("idm");
+}
+
+#[test]
+fn a_recorded_log_is_played_back_again_to_the_bit() {
+    drive_again("human");
+}

@@ -1,0 +1,31 @@
+//! Same command, same bytes.
+
+use crate::stage::{Stage, assert_same};
+
+#[test]
+fn two_runs_and_any_number_of_workers_give_the_same_bytes() {
+    let stage = Stage::new();
+    let outs: Vec<String> = [1, 1, 2, 3]
+        .iter()
+        .enumerate()
+        .map(|(index, workers)| {
+            let ended = stage.good_sim(&format!("run --scenarios small.toml --parallel {workers} --out run{index}"));
+            ended.out.replace(&format!("folder run{index}"), "")
+        })
+        .collect();
+    let first = stage.files("run0");
+    assert!(first.keys().any(|name| name.ends_with(".mcap")));
+    for (index, out) in outs.iter().enumerate() {
+        assert_same(&first, &stage.files(&format!("run{index}")));
+        assert_eq!(*out, outs[0], "the digest is printed");
+    }
+}
+
+#[test]
+fn predictions_repeat_too() {
+    let stage = Stage::new();
+    for run in ["one", "two"] {
+        stage.good_sim(&format!("run --scenarios small.toml --predictor ctrv --parallel 2 --out {run}"));
+    }
+    assert_same(&stage.files("one"), &stage.files("two"));
+}
