@@ -9,17 +9,17 @@ use crate::convert::{Message, MessageError, decode};
 use crate::keys::{Address, NodeId, RunName};
 use crate::proto;
 
-/// Any bytes as a `Scene`: see [`message`].
+/// Any bytes as a `Scene`: see `message`.
 pub fn scene(bytes: &[u8]) {
     message::<proto::Scene, Briefing>(bytes);
 }
 
-/// Any bytes as an `Observation`: see [`message`].
+/// Any bytes as an `Observation`: see `message`.
 pub fn observation(bytes: &[u8]) {
     message::<proto::Observation, Observation>(bytes);
 }
 
-/// Any bytes as a `Plan`: see [`message`]; and the check that follows takes it or refuses it.
+/// Any bytes as a `Plan`: see `message`; and the check that follows takes it or refuses it.
 pub fn plan(bytes: &[u8]) {
     if let Some(plan) = message::<proto::Plan, UncheckedPlan>(bytes) {
         let step = plan.step;
@@ -27,7 +27,7 @@ pub fn plan(bytes: &[u8]) {
     }
 }
 
-/// Any bytes as a `Prediction`: see [`message`]; and the check that follows takes it or refuses it.
+/// Any bytes as a `Prediction`: see `message`; and the check that follows takes it or refuses it.
 pub fn prediction(bytes: &[u8]) {
     if let Some(prediction) = message::<proto::Prediction, UncheckedPrediction>(bytes) {
         let step = prediction.step;

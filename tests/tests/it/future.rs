@@ -142,7 +142,7 @@ fn futures(scene: &Scene, start: usize, recording: &[Recorded]) -> Vec<(String, 
         // What is drawn of plans and predictions is searched as they were sent: in single precision, whoever goes on as it was
         // is where it was expected.
         let guess = ["/view/plan", "/view/predictions"].contains(&message.topic.as_str());
-        for log in if guess { &[&exact][..] } else { &[&exact, &drawn] } {
+        for log in [Some(&exact), (!guess).then_some(&drawn)].into_iter().flatten() {
             if let Some(later) = log.future_in(&message.bytes, now) {
                 found.push((message.topic.clone(), now, later));
             }
