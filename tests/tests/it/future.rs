@@ -88,10 +88,13 @@ fn places(mut bytes: &[u8], found: &mut Vec<Place>) -> Option<()> {
     Some(())
 }
 
-/// For each place of the log, when it was first taken; and the places of the map, which are no states.
+/// For each place of the log, when it was first taken; and the places that give nothing away.
 struct Log {
     first: BTreeMap<Place, usize>,
+    /// Places of the map, which are no states.
     map: BTreeSet<Place>,
+    /// Places reached by going straight on at the same speed: a predictor may well guess them to the last bit.
+    steady: BTreeSet<Place>,
 }
 
 impl Log {
@@ -101,8 +104,20 @@ impl Log {
             None => (x.to_bits(), y.to_bits()),
             Some((ox, oy)) => (f64::from((x - ox) as f32).to_bits(), f64::from((y - oy) as f32).to_bits()),
         };
-        let mut first = BTreeMap::new();
+        let (mut first, mut steady) = (BTreeMap::new(), BTreeSet::new());
         for track in scene.tracks() {
+            for states in track.states.windows(3) {
+                let straight_on = match states {
+                    &[Some(a), Some(b), Some(c)] => {
+                        (a.x - 2.0 * b.x + c.x).abs() + (a.y - 2.0 * b.y + c.y).abs() < 1e-3
+                    }
+                    // Who has just appeared has, by the data set's convention, the velocity that leads to the next place.
+                    _ => states[0].is_none(),
+                };
+                if let (true, Some(state)) = (straight_on, states[2]) {
+                    steady.insert(place(state.x, state.y));
+                }
+            }
             for (log_index, state) in track.states.iter().enumerate() {
                 let Some(state) = state else { continue };
                 let seen = first.entry(place(state.x, state.y)).or_insert(log_index);
@@ -114,14 +129,16 @@ impl Log {
         let lines = lines.chain(map.road_lines.iter().map(|line| &line.polyline));
         let lines = lines.chain(map.road_edges.iter().map(|edge| &edge.polyline));
         let map = lines.flatten().map(|point| place(point.x, point.y)).collect();
-        Self { first, map }
+        Self { first, map, steady }
     }
 
-    /// The first place in `bytes` that nobody has been at up to `now`, but somebody will be; and when.
-    fn future_in(&self, bytes: &[u8], now: usize) -> Option<usize> {
+    /// The first place in `bytes` that nobody has been at up to `now`, but somebody will be; and when. In a `guess`, not one
+    /// that is reached by going straight on.
+    fn future_in(&self, bytes: &[u8], now: usize, guess: bool) -> Option<usize> {
         let mut found = Vec::new();
         places(bytes, &mut found);
-        let later = found.iter().filter(|place| !self.map.contains(place)).filter_map(|place| self.first.get(place));
+        let innocent = |place: &Place| self.map.contains(place) || guess && self.steady.contains(place);
+        let later = found.iter().filter(|place| !innocent(place)).filter_map(|place| self.first.get(place));
         later.copied().find(|log_index| *log_index > now)
     }
 }
@@ -139,11 +156,11 @@ fn futures(scene: &Scene, start: usize, recording: &[Recorded]) -> Vec<(String, 
             "/reloop/record" => now = StepRecord::decode(&*message.bytes).unwrap().log_index as usize,
             _ => {}
         }
-        // What is drawn of plans and predictions is searched as they were sent: in single precision, whoever goes on as it was
-        // is where it was expected.
-        let guess = ["/view/plan", "/view/predictions"].contains(&message.topic.as_str());
-        for log in [Some(&exact), (!guess).then_some(&drawn)].into_iter().flatten() {
-            if let Some(later) = log.future_in(&message.bytes, now) {
+        // Plans and predictions are guesses. As they are drawn, in single precision, any of them may meet the log.
+        let guess = ["/reloop/plan", "/reloop/prediction"].contains(&message.topic.as_str());
+        let drawn_guess = ["/view/plan", "/view/predictions"].contains(&message.topic.as_str());
+        for log in [Some(&exact), (!drawn_guess).then_some(&drawn)].into_iter().flatten() {
+            if let Some(later) = log.future_in(&message.bytes, now, guess || drawn_guess) {
                 found.push((message.topic.clone(), now, later));
             }
         }
@@ -227,9 +244,9 @@ fn a_planted_future_is_found() {
         ..Default::default()
     };
     let exact = Log::of(&scene, None);
-    assert_eq!(exact.future_in(&columns.encode_to_vec(), start), Some(start + 1));
+    assert_eq!(exact.future_in(&columns.encode_to_vec(), start, false), Some(start + 1));
     let drawn = Log::of(&scene, Some((3.0, 4.0)));
     let shown =
         wire::proto::PlanState { x: f64::from((x - 3.0) as f32), y: f64::from((y - 4.0) as f32), ..Default::default() };
-    assert_eq!(drawn.future_in(&shown.encode_to_vec(), start), Some(start + 1));
+    assert_eq!(drawn.future_in(&shown.encode_to_vec(), start, false), Some(start + 1));
 }

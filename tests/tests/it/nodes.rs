@@ -70,7 +70,7 @@ fn a_node_that_falls_silent() {
 
 #[test]
 fn a_node_that_has_no_answer_says_why() {
-    costs_its_episode("error", "", "step 20: the planner's answer is refused: I would rather not");
+    costs_its_episode("error", "", "step 20: the planner's answer is refused: it cannot answer: I would rather not");
 }
 
 #[test]
