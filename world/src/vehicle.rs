@@ -98,6 +98,40 @@ impl Limits {
     }
 }
 
+/// How a step of [`BicycleModel`] depends on the state before it and on its control.
+///
+/// With w the speed, m the speed moved with (w of before or after the step, as [`UpdateOrder`] has it, but not below zero),
+/// h the heading and p the direction moved in (h of before or after), a the acceleration and d the steering angle:
+///
+/// ```text
+/// dw' = speed_gain dw + acceleration_gain da      dm = moving_gain (dw or dw')
+/// dh' = dh + turn dm + moving turn_slope dd       dx' = dx + dt (cos dm - moving sin dp)
+///                                                 dy' = dy + dt (sin dm + moving cos dp)
+/// ```
+///
+/// At the end of a clip's range, and at zero speed, the derivative is that of the inside: the authors' convention.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepDerivatives {
+    /// Speed moved with (m/s).
+    pub moving: f64,
+    /// Cosine of the direction moved in.
+    pub cos: f64,
+    /// Sine of the direction moved in.
+    pub sin: f64,
+    /// Of the new speed by the old.
+    pub speed_gain: f64,
+    /// Of the new speed by the acceleration (s).
+    pub acceleration_gain: f64,
+    /// Of the speed moved with by the speed that it comes from.
+    pub moving_gain: f64,
+    /// Of the new heading by the speed moved with (rad s/m).
+    pub turn: f64,
+    /// Of `turn` by the steering angle (s/m).
+    pub turn_slope: f64,
+    /// Of `turn_slope` by the steering angle (s/m/rad).
+    pub turn_curvature: f64,
+}
+
 /// The kinematic bicycle model. It never reverses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BicycleModel {
@@ -174,33 +208,74 @@ impl BicycleModel {
 
     /// Where the vehicle is `dt` seconds later under `control`.
     #[must_use]
+    #[inline]
     pub fn step(&self, state: VehicleState, control: Control, dt: f64) -> VehicleState {
+        self.step_with_derivatives(state, control, dt).0
+    }
+
+    /// [`BicycleModel::step`], and how it depends on its arguments.
+    #[must_use]
+    #[inline]
+    pub fn step_with_derivatives(
+        &self,
+        state: VehicleState,
+        control: Control,
+        dt: f64,
+    ) -> (VehicleState, StepDerivatives) {
         let acceleration = control.acceleration.clamp(-self.acceleration_clip, self.acceleration_clip);
         let owed = state.speed + acceleration * dt;
-        let speed = match self.braking {
-            Braking::Stops => owed.max(0.0),
-            Braking::OwesDebt => owed,
+        let (speed, speed_gain) = match self.braking {
+            Braking::Stops => (owed.max(0.0), inside(owed >= 0.0)),
+            Braking::OwesDebt => (owed, 1.0),
         };
-        let moving = match self.order {
-            UpdateOrder::FromBefore => state.speed.max(0.0),
-            UpdateOrder::FromUpdated => speed.max(0.0),
+        let moving_from = match self.order {
+            UpdateOrder::FromBefore => state.speed,
+            UpdateOrder::FromUpdated => speed,
         };
-        let turned = state.heading + self.yaw_rate(moving, control.steering) * dt;
+        let moving = moving_from.max(0.0);
+        let steering = control.steering.clamp(-self.steering_clip, self.steering_clip);
+        let (slope, rise, bend) = match self.turning {
+            Turning::Linear => (steering, 1.0, 0.0),
+            Turning::Tangent => {
+                let tangent = libm::tan(steering);
+                let rise = 1.0 + tangent * tangent;
+                (tangent, rise, 2.0 * tangent * rise)
+            }
+        };
+        let steers = inside(control.steering.abs() <= self.steering_clip) * dt / self.wheelbase;
+        let turn = slope * dt / self.wheelbase;
+        let turned = state.heading + turn * moving;
         let heading = match self.heading {
             HeadingRange::Wrapped => wrap_angle(turned),
+            // The remainder of what is in range already is itself; the division is slow.
+            HeadingRange::Remainder if turned.abs() < TAU => turned,
             HeadingRange::Remainder => turned % TAU,
         };
         let direction = match self.order {
             UpdateOrder::FromBefore => state.heading,
             UpdateOrder::FromUpdated => heading,
         };
-        VehicleState {
-            x: state.x + moving * libm::cos(direction) * dt,
-            y: state.y + moving * libm::sin(direction) * dt,
-            heading,
-            speed,
-        }
+        let (sin, cos) = libm::sincos(direction);
+        let next = VehicleState { x: state.x + moving * cos * dt, y: state.y + moving * sin * dt, heading, speed };
+        let derivatives = StepDerivatives {
+            moving,
+            cos,
+            sin,
+            speed_gain,
+            acceleration_gain: speed_gain * inside(control.acceleration.abs() <= self.acceleration_clip) * dt,
+            moving_gain: inside(moving_from >= 0.0),
+            turn,
+            turn_slope: rise * steers,
+            turn_curvature: bend * steers,
+        };
+        (next, derivatives)
     }
+}
+
+/// The derivative of a clip: one within its range.
+#[inline]
+fn inside(within: bool) -> f64 {
+    if within { 1.0 } else { 0.0 }
 }
 
 impl Default for BicycleModel {
@@ -296,7 +371,47 @@ mod tests {
         assert_eq!(Limits::STRICT.apply(control(-9.0, -2.0), -0.49, DT), control(-5.0, -0.5));
     }
 
+    fn any_model() -> impl Strategy<Value = BicycleModel> {
+        prop_oneof![
+            Just(BicycleModel::default()),
+            Just(BicycleModel::authors_planner()),
+            Just(BicycleModel::authors_training()),
+            Just(BicycleModel::authors_test()),
+        ]
+    }
+
     proptest! {
+        #[test]
+        fn derivatives_are_those_of_the_step(
+            model in any_model(), (a, s) in (-4.9..4.9, -0.49..0.49), (speed, heading) in (1.0..20.0, -3.0..3.0),
+        ) {
+            let at = |d_speed: f64, d_heading: f64, d_a: f64, d_s: f64| {
+                let state = VehicleState { x: 1.0, y: 2.0, heading: heading + d_heading, speed: speed + d_speed };
+                model.step_with_derivatives(state, control(a + d_a, s + d_s), DT)
+            };
+            let (_, d) = at(0.0, 0.0, 0.0, 0.0);
+            let updated = model.order == UpdateOrder::FromUpdated;
+            let h = 1e-5;
+            for k in 0..4 {
+                let unit = |i: usize| if i == k { 1.0 } else { 0.0 };
+                let [w, heading, da, ds] = [unit(0), unit(1), unit(2), unit(3)];
+                let (low, low_d) = at(-h * w, -h * heading, -h * da, -h * ds);
+                let (high, high_d) = at(h * w, h * heading, h * da, h * ds);
+                let slope = |low: f64, high: f64| (high - low) / (2.0 * h);
+                let dw = d.speed_gain * w + d.acceleration_gain * da;
+                let dm = d.moving_gain * if updated { dw } else { w };
+                let dh = heading + d.turn * dm + d.moving * d.turn_slope * ds;
+                let dp = if updated { dh } else { heading };
+                let turned = wrap_angle(high.heading - low.heading) / (2.0 * h);
+                prop_assert!((slope(low.speed, high.speed) - dw).abs() < 1e-7);
+                prop_assert!((turned - dh).abs() < 1e-7);
+                prop_assert!((slope(low.x, high.x) - DT * (d.cos * dm - d.moving * d.sin * dp)).abs() < 1e-7);
+                prop_assert!((slope(low.y, high.y) - DT * (d.sin * dm + d.moving * d.cos * dp)).abs() < 1e-7);
+                prop_assert!((slope(low_d.turn, high_d.turn) - d.turn_slope * ds).abs() < 1e-7);
+                prop_assert!((slope(low_d.turn_slope, high_d.turn_slope) - d.turn_curvature * ds).abs() < 1e-7);
+            }
+        }
+
         #[test]
         fn limits_hold_and_leave_what_is_within_them(
             (a, s) in (-20.0..20.0, -2.0..2.0), previous in -0.5..0.5,
