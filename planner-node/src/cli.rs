@@ -1,12 +1,24 @@
 //! What can be typed.
 
-use clap::Parser;
-use planner_node::PlannerKind;
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand};
+use planner_node::{GaussNewtonOptions, PlannerKind, Weights};
 
 /// Serves a planner on the bus of a run
 #[derive(Debug, Parser)]
-#[command(name = "planner-node", version)]
+#[command(name = "planner-node", version, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct Cli {
+    #[command(flatten)]
+    pub serve: Option<Serve>,
+    #[command(subcommand)]
+    pub command: Option<Command>,
+}
+
+// The group says whether there is anything to serve; clap leaves it empty where a member is flattened.
+#[derive(Debug, clap::Args)]
+#[group(id = "serve", args = ["planner"])]
+pub struct Serve {
     /// Which planner
     #[arg(long, value_enum)]
     pub planner: PlannerKind,
@@ -15,4 +27,31 @@ pub struct Cli {
     pub scenarios: Vec<String>,
     #[command(flatten)]
     pub node: wire::node::Options,
+    #[command(flatten)]
+    pub gauss_newton: GaussNewtonOptions,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Hold the Gauss-Newton planner to vectors of the authors' code
+    ///
+    /// Prints the worst deviation of each quantity, by each of the two linear solvers, beside its tolerance. Exits with 1
+    /// when one is out.
+    Verify {
+        /// Folder of .npz files
+        folder: PathBuf,
+    },
+    /// Say why the plan of a recorded step is what it is
+    ///
+    /// The cost of each term over time, the neighbors that bind, and what the search would come to without each term.
+    Explain {
+        /// The recording, an .mcap file
+        recording: PathBuf,
+        /// The step, from 0
+        #[arg(long)]
+        step: u32,
+        /// Weights of the cost terms: hand-tuned, learned (they came with the prediction), or a TOML file
+        #[arg(long, value_name = "WEIGHTS", default_value = "hand-tuned")]
+        weights: Weights,
+    },
 }

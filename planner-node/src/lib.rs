@@ -6,13 +6,20 @@
 //! | `idm` | `idm/` | follows the reference line; speed by the intelligent driver model |
 //! | `human` | `human.rs` | what the logged AV did; reads the scene set by itself |
 //! | `constant-velocity` | `constant_velocity.rs` | straight on |
+//! | `gauss-newton` | `gauss_newton_planner/` | the differentiable planner; its mathematics is [`gauss_newton`] |
+//!
+//! [`explain`] tells why a recorded plan is what it is; [`verify`] holds the mathematics to the vectors of the authors' code.
 //!
 //! A planner is pure: what it answers depends on its inputs alone. To add one: a file, a member of [`PlannerKind`], a line
 //! in [`PlannerKind::factory`].
 
 mod constant_velocity;
+pub mod explain;
+pub mod gauss_newton;
+mod gauss_newton_planner;
 mod human;
 mod idm;
+pub mod verify;
 
 use std::sync::Arc;
 
@@ -20,6 +27,7 @@ use scenarios::SetError;
 use wire::node::PlannerFactory;
 
 pub use constant_velocity::ConstantVelocity;
+pub use gauss_newton_planner::{GaussNewton, Init, Options as GaussNewtonOptions, Weights, WeightsError};
 pub use human::Human;
 pub use idm::Idm;
 
@@ -32,18 +40,25 @@ pub enum PlannerKind {
     Human,
     /// Straight on at the present speed
     ConstantVelocity,
+    /// Minimizes the cost terms of DIPP; needs a predictor
+    GaussNewton,
 }
 
 impl PlannerKind {
-    /// The planner's factory. `scenarios` is where planners that read the log find it.
+    /// The planner's factory. `scenarios` is where planners that read the log find it; `gauss_newton` is for that planner.
     ///
     /// # Errors
     /// [`SetError`] where the planner needs the scene set and it cannot be opened.
-    pub fn factory(self, scenarios: &[String]) -> Result<Arc<dyn PlannerFactory>, SetError> {
+    pub fn factory(
+        self,
+        scenarios: &[String],
+        gauss_newton: &GaussNewtonOptions,
+    ) -> Result<Arc<dyn PlannerFactory>, SetError> {
         Ok(match self {
             Self::Idm => Arc::new(Idm),
             Self::Human => Arc::new(Human::open(scenarios)?),
             Self::ConstantVelocity => Arc::new(ConstantVelocity),
+            Self::GaussNewton => Arc::new(GaussNewton(gauss_newton.clone())),
         })
     }
 }

@@ -2,10 +2,13 @@
 
 mod cli;
 
+use std::io::Write;
 use std::process::ExitCode;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::Parser;
+use planner_node::explain::explain;
+use planner_node::verify::verify;
 use tracing_subscriber::EnvFilter;
 use wire::node::Stop;
 
@@ -15,9 +18,8 @@ fn main() -> ExitCode {
         .with_env_filter(EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn,zenoh=error")))
         .with_writer(std::io::stderr)
         .init();
-    match serve(&cli) {
-        Ok(Stop::Interrupted) => ExitCode::from(130),
-        Ok(Stop::ParentGone | Stop::SimGone) => ExitCode::SUCCESS,
+    match run(cli) {
+        Ok(code) => code,
         Err(e) => {
             eprintln!("error: {e:#}");
             ExitCode::from(2)
@@ -25,7 +27,25 @@ fn main() -> ExitCode {
     }
 }
 
-fn serve(cli: &cli::Cli) -> anyhow::Result<Stop> {
-    let factory = cli.planner.factory(&cli.scenarios).context("cannot open the scenes")?;
-    Ok(wire::node::serve_planner(&cli.node, factory)?)
+fn run(cli: cli::Cli) -> anyhow::Result<ExitCode> {
+    let mut out = std::io::stdout().lock();
+    match cli.command {
+        Some(cli::Command::Verify { folder }) => {
+            let report = verify(&folder)?;
+            writeln!(out, "{report}")?;
+            return Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::from(1) });
+        }
+        Some(cli::Command::Explain { recording, step, weights }) => {
+            write!(out, "{}", explain(&recording, step, &weights)?)?;
+            return Ok(ExitCode::SUCCESS);
+        }
+        None => {}
+    }
+    // clap lets nothing pass that has neither.
+    let Some(serve) = cli.serve else { bail!("nothing to do: give --planner") };
+    let factory = serve.planner.factory(&serve.scenarios, &serve.gauss_newton).context("cannot open the scenes")?;
+    Ok(match wire::node::serve_planner(&serve.node, factory)? {
+        Stop::Interrupted => ExitCode::from(130),
+        Stop::ParentGone | Stop::SimGone => ExitCode::SUCCESS,
+    })
 }

@@ -21,9 +21,9 @@ use world::plan::{Control, Diagnostics, PLAN_STEPS, PlanState, STEP_SECONDS, Unc
 use world::scene::AgentState;
 use world::vehicle::{BicycleModel, Limits, VehicleState};
 
-use corridor::Corridor;
+pub use corridor::Corridor;
 use obstacles::Obstacle;
-use speed::DesiredSpeed;
+pub use speed::DesiredSpeed;
 
 /// A deceleration below this (m/s^2) is not worth a word.
 const NOTICEABLE: f64 = 0.1;

@@ -34,3 +34,15 @@ fn scenes_that_are_not_there() {
         call(&["--planner", "human", "--scenarios", "/nowhere", "--endpoint", "tcp/127.0.0.1:1", "--run", "demo"]);
     assert!(output.starts_with("exit 2\nerror: cannot open the scenes"), "{output}");
 }
+
+#[test]
+fn vectors_that_are_not_there() {
+    let output = call(&["verify", "/nowhere"]);
+    assert!(output.starts_with("exit 2\nerror: cannot list /nowhere"), "{output}");
+}
+
+#[test]
+fn a_recording_that_is_none() {
+    let output = call(&["explain", env!("CARGO_BIN_EXE_planner-node"), "--step", "3"]);
+    assert!(output.starts_with("exit 2\nerror: ") && output.contains("is no readable recording"), "{output}");
+}

@@ -1,0 +1,124 @@
+//! One step of a recording: what was seen, what was expected, and what was planned.
+
+use std::path::{Path, PathBuf};
+
+use prost::Message;
+use thiserror::Error;
+use wire::proto;
+use world::observation::{Briefing, Observation};
+use world::plan::{Plan, Prediction, UncheckedPlan, UncheckedPrediction};
+
+/// A step as it was recorded.
+#[derive(Clone, Debug)]
+pub struct RecordedStep {
+    /// What was told before the first step.
+    pub briefing: Briefing,
+    /// What was seen.
+    pub observation: Observation,
+    /// What was expected, if anyone predicted.
+    pub prediction: Option<Prediction>,
+    /// What was planned.
+    pub plan: Plan,
+}
+
+/// Why a recording's step cannot be told.
+#[derive(Debug, Error)]
+pub enum RecordingError {
+    /// The file cannot be read.
+    #[error("cannot read {path}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is no recording, or is damaged.
+    #[error("{path} is no readable recording")]
+    Mcap {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: Box<mcap::McapError>,
+    },
+    /// A message cannot be understood.
+    #[error("{path}: {topic} of step {step}: {what}")]
+    Message {
+        /// The file.
+        path: PathBuf,
+        /// Its topic.
+        topic: &'static str,
+        /// The step asked for.
+        step: u32,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// The recording does not have such a message.
+    #[error("{path} has no {topic} of step {step}\nhint: `recorder info {path}` says what it holds", path = path.display())]
+    Missing {
+        /// The file.
+        path: PathBuf,
+        /// The topic.
+        topic: &'static str,
+        /// The step asked for.
+        step: u32,
+    },
+}
+
+const SCENE: &str = "/reloop/scene";
+const OBSERVATION: &str = "/reloop/observation";
+const PREDICTION: &str = "/reloop/prediction";
+const PLAN: &str = "/reloop/plan";
+
+/// Reads the step from a recording.
+///
+/// # Errors
+/// [`RecordingError`].
+pub fn read_step(path: &Path, step: u32) -> Result<RecordedStep, RecordingError> {
+    let bytes = std::fs::read(path).map_err(|source| RecordingError::Io { path: path.to_owned(), source })?;
+    let broken = |source| RecordingError::Mcap { path: path.to_owned(), source: Box::new(source) };
+    let wrong = |topic, what| RecordingError::Message { path: path.to_owned(), topic, step, what };
+    let missing = |topic| RecordingError::Missing { path: path.to_owned(), topic, step };
+    let (mut briefing, mut observation, mut prediction, mut plan) = (None, None, None, None);
+    for message in mcap::MessageStream::new(&bytes).map_err(broken)? {
+        let message = message.map_err(broken)?;
+        let data = message.data.as_ref();
+        match message.channel.topic.as_str() {
+            SCENE => briefing = Some(decoded::<proto::Scene, Briefing>(data).map_err(|e| wrong(SCENE, e))?),
+            OBSERVATION => {
+                let seen: Observation = decoded::<proto::Observation, _>(data).map_err(|e| wrong(OBSERVATION, e))?;
+                observation = observation.or(Some(seen).filter(|seen| seen.step == step));
+            }
+            PREDICTION => {
+                let expected: UncheckedPrediction =
+                    decoded::<proto::Prediction, _>(data).map_err(|e| wrong(PREDICTION, e))?;
+                if expected.step == step {
+                    prediction = Some(expected.check(step).map_err(|e| wrong(PREDICTION, e.to_string()))?);
+                }
+            }
+            PLAN => {
+                let planned: UncheckedPlan = decoded::<proto::Plan, _>(data).map_err(|e| wrong(PLAN, e))?;
+                if planned.step == step {
+                    plan = Some(planned.check(step).map_err(|e| wrong(PLAN, e.to_string()))?);
+                    break;
+                }
+            }
+            _ => {}
+        }
+    }
+    Ok(RecordedStep {
+        briefing: briefing.ok_or_else(|| missing(SCENE))?,
+        observation: observation.ok_or_else(|| missing(OBSERVATION))?,
+        prediction,
+        plan: plan.ok_or_else(|| missing(PLAN))?,
+    })
+}
+
+/// A message's bytes as what they mean.
+fn decoded<M, T>(data: &[u8]) -> Result<T, String>
+where
+    M: Message + Default,
+    T: TryFrom<M>,
+    T::Error: ToString,
+{
+    T::try_from(M::decode(data).map_err(|e| e.to_string())?).map_err(|e| e.to_string())
+}

@@ -1,0 +1,344 @@
+//! Laws of the planner, over random situations.
+
+use std::f64::consts::PI;
+
+use proptest::prelude::*;
+use world::vehicle::{BicycleModel, VehicleState};
+
+use super::constants::{KEY_STEPS, NEIGHBORS, STEPS, TERMS};
+use super::gradient::Layer;
+use super::linear::NormalEquations;
+use super::solver::{Settings, Solver};
+use super::*;
+
+/// A situation, owned.
+#[derive(Clone, Debug)]
+struct Situation {
+    line: Vec<(f64, f64, f64)>,
+    speed: f64,
+    stop_distance: Option<f64>,
+    positions: Vec<Option<Vec<(f64, f64)>>>,
+    weights: [f64; TERMS],
+}
+
+impl Situation {
+    fn problem(&self) -> Problem {
+        let column = |f: fn(&(f64, f64, f64)) -> f64| self.line.iter().map(f).collect::<Vec<_>>();
+        let neighbors: Vec<_> = self
+            .positions
+            .iter()
+            .map(|p| p.as_ref().map(|positions| Neighbor { length: 4.6, width: 1.9, positions }))
+            .collect();
+        Problem::new(&Inputs {
+            line_x: &column(|p| p.0),
+            line_y: &column(|p| p.1),
+            line_heading: &column(|p| p.2),
+            speed_target: 12.0,
+            stop_distance: self.stop_distance,
+            av: Vehicle {
+                state: VehicleState { x: 0.1, y: -0.2, heading: 0.05, speed: self.speed },
+                length: 5.3,
+                width: 2.3,
+            },
+            neighbors: &neighbors,
+            weights: self.weights,
+        })
+        .unwrap()
+    }
+}
+
+prop_compose! {
+    fn any_situation()(
+        curvature in -0.05..0.05, speed in 0.5..15.0, red in prop::option::of(-1.0..40.0),
+        cars in prop::collection::vec(prop::option::of((3.0..40.0, -3.0..3.0, -1.0..12.0)), NEIGHBORS),
+        weights in prop::array::uniform9(0.1..3.0), samples in 300..1200_usize,
+    ) -> Situation {
+        let mut line = vec![(-20.0, 0.3, 0.0)];
+        for k in 1..samples {
+            let (x, y, h): (f64, f64, f64) = line[k - 1];
+            let heading = h + if k > 200 { 0.1 * curvature } else { 0.0 };
+            line.push((x + 0.1 * libm::cos(heading), y + 0.1 * libm::sin(heading), world::geometry::wrap_angle(heading)));
+        }
+        let positions = cars.into_iter().map(|car| car.map(|(x, y, v): (f64, f64, f64)| {
+            (0..STEPS).map(|t| (x + 0.1 * v * (t + 1) as f64, y)).collect()
+        })).collect();
+        Situation { line, speed, stop_distance: red, positions, weights }
+    }
+}
+
+fn any_controls(largest: f64) -> impl Strategy<Value = Controls> {
+    prop::collection::vec((-3.0..3.0, -0.2..0.2), STEPS).prop_map(move |pairs| {
+        Controls::from_pairs(pairs.into_iter().map(|(a, s): (f64, f64)| (largest * a, largest * s))).unwrap()
+    })
+}
+
+fn any_costing() -> impl Strategy<Value = Costing> {
+    let models = [BicycleModel::authors_planner(), BicycleModel::authors_test(), BicycleModel::default()];
+    (prop::sample::select(models.to_vec()), any::<bool>(), any::<bool>()).prop_map(|(model, wrap_heading, everyone)| {
+        let safety = if everyone { Safety::Everyone } else { Safety::Nearest };
+        Costing { model, wrap_heading, safety }
+    })
+}
+
+/// What decides which rows are active, and of which piece each is: where two points agree on it, the rows are smooth between.
+fn pieces(at: &Evaluation) -> impl PartialEq + use<> {
+    let gains: Vec<_> =
+        at.motion.derivatives.iter().map(|d| [d.speed_gain, d.acceleration_gain, d.moving_gain]).collect();
+    let steers: Vec<_> = at.motion.derivatives.iter().map(|d| d.turn_slope > 0.0).collect();
+    let wraps: Vec<_> = at.motion.states.windows(2).map(|s| (s[1].heading - s[0].heading).abs() > PI).collect();
+    let headings: Vec<_> = at.rows.lane_heading.windows(2).map(|c| (c[1] - c[0]).abs() > PI).collect();
+    let safety: Vec<_> = at.safety().iter().map(|row| (row.key, row.neighbor)).collect();
+    (at.lane_sample, at.moves.map(|m| m > 0.0), at.red_from, safety, gains, steers, (wraps, headings))
+}
+
+fn evaluated(problem: &Problem, costing: &Costing, controls: &Controls) -> Evaluation {
+    let mut at = Evaluation::default();
+    at.evaluate(problem, costing, controls);
+    at
+}
+
+fn flat(rows: &Rows, safety: usize) -> Vec<f64> {
+    rows.parts(safety).iter().flat_map(|(_, rows)| rows.to_vec()).collect()
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn near(a: f64, b: f64, tolerance: f64) -> bool {
+    (a - b).abs() <= tolerance * (1.0 + a.abs().max(b.abs()))
+}
+
+proptest! {
+    #[test]
+    fn the_jacobian_is_that_of_the_rows(
+        situation in any_situation(), costing in any_costing(), controls in any_controls(2.0), direction in any_controls(1.0),
+    ) {
+        let problem = situation.problem();
+        let at = evaluated(&problem, &costing, &controls);
+        let h = 1e-6;
+        let beside = |h: f64| {
+            let mut moved = controls.clone();
+            moved.add_scaled(h, &direction);
+            evaluated(&problem, &costing, &moved)
+        };
+        let (low, high) = (beside(-h), beside(h));
+        prop_assume!(pieces(&low) == pieces(&at) && pieces(&high) == pieces(&at));
+        let mut change = [StateChange::default(); STEPS];
+        let mut rows = Rows::ZERO;
+        at.push_forward(&direction, &mut change, &mut rows);
+        let safety = at.safety().len();
+        let differences = flat(&low.rows, safety).into_iter().zip(flat(&high.rows, safety));
+        for (i, ((low, high), slope)) in differences.zip(flat(&rows, safety)).enumerate() {
+            prop_assert!(near((high - low) / (2.0 * h), slope, 1e-6), "row {i}: {} {slope}", (high - low) / (2.0 * h));
+        }
+    }
+
+    #[test]
+    fn the_transposed_jacobian_is_the_jacobian_transposed(
+        situation in any_situation(), costing in any_costing(), controls in any_controls(2.0), direction in any_controls(1.0),
+        multipliers in prop::collection::vec(-1.0..1.0, 64),
+    ) {
+        let problem = situation.problem();
+        let at = evaluated(&problem, &costing, &controls);
+        let mut change = [StateChange::default(); STEPS];
+        let (mut rows, mut back) = (Rows::ZERO, Controls::ZERO);
+        at.push_forward(&direction, &mut change, &mut rows);
+        // Any multipliers at all.
+        let mut weighted = at.rows.clone();
+        let next = |i: usize| multipliers[i % multipliers.len()];
+        weighted.speed = std::array::from_fn(next);
+        weighted.lane_heading = std::array::from_fn(|i| next(3 * i));
+        weighted.red_light = std::array::from_fn(|i| next(7 * i));
+        at.pull_back(&weighted, &mut back);
+        let safety = at.safety().len();
+        let (left, right) = (dot(&flat(&weighted, safety), &flat(&rows, safety)), back.dot(&direction));
+        prop_assert!(near(left, right, 1e-9), "{left} {right}");
+    }
+
+    #[test]
+    fn the_sweep_and_the_dense_factorization_give_the_same_step(
+        situation in any_situation(), costing in any_costing(), controls in any_controls(2.0),
+    ) {
+        let problem = situation.problem();
+        let at = evaluated(&problem, &costing, &controls);
+        let (mut rows, mut gradient) = (Rows::ZERO, Controls::ZERO);
+        at.gradient(&problem, &mut rows, &mut gradient);
+        let steps = [LinearSolver::Sweep, LinearSolver::Dense].map(|linear| {
+            let mut normal = NormalEquations::new(linear);
+            normal.factorize(&at, problem.weights()).unwrap();
+            let mut step = Controls::ZERO;
+            normal.solve(&at, &gradient, &mut step);
+            step
+        });
+        let scale = steps[1].dot(&steps[1]).sqrt();
+        let mut apart = steps[0].clone();
+        apart.add_scaled(-1.0, &steps[1]);
+        prop_assert!(apart.dot(&apart).sqrt() <= 1e-9 * scale, "{} of {scale}", apart.dot(&apart).sqrt());
+    }
+
+    #[test]
+    fn a_polish_never_raises_the_objective(
+        situation in any_situation(), costing in any_costing(), controls in any_controls(1.0), iterations in 0..20_usize,
+    ) {
+        let problem = situation.problem();
+        let mut solver = Solver::new(LinearSolver::Sweep);
+        let settings = Settings { costing, iterations, ..Settings::paper_test() };
+        let plain = solver.solve(&problem, &settings, &controls).unwrap();
+        let summary = solver.solve(&problem, &Settings { polish: 20, ..settings }, &controls).unwrap();
+        let polish = &solver.history()[plain.iterations + 1..];
+        prop_assert!(polish.windows(2).all(|pair| pair[1] <= pair[0]), "{polish:?}");
+        prop_assert!(summary.best_objective <= plain.best_objective);
+        prop_assert_eq!(solver.best(), solver.last());
+        prop_assert_eq!(evaluated(&problem, &costing, solver.best()).objective, summary.best_objective);
+    }
+
+    #[test]
+    fn the_gradient_through_the_iterations_is_that_of_central_differences(
+        situation in any_situation(), costing in any_costing(), initial in any_controls(0.5), direction in any_controls(0.3),
+        output_model in prop::sample::select(vec![BicycleModel::authors_training(), BicycleModel::default()]),
+        nudges in prop::collection::vec(-1.0..1.0, 2 * NEIGHBORS * KEY_STEPS.len() + TERMS), squares in -0.01..0.01,
+        wanted in prop::collection::vec(-1.0..1.0, 5 * STEPS),
+    ) {
+        let settings = LayerSettings { costing, output_model, ..LayerSettings::paper() };
+        let mut output = OutputGradient { squares, ..OutputGradient::ZERO };
+        for (t, w) in wanted.chunks(5).enumerate() {
+            output.poses[t] = StateChange { x: w[0], y: w[1], heading: w[2], speed: 0.0 };
+            output.controls.acceleration[t] = w[3];
+            output.controls.steering[t] = w[4];
+        }
+        let h = 1e-6;
+        let moved = |h: f64| {
+            let mut situation = situation.clone();
+            let mut controls = initial.clone();
+            controls.add_scaled(h, &direction);
+            for (j, positions) in situation.positions.iter_mut().enumerate() {
+                let Some(positions) = positions else { continue };
+                for (key, &t) in KEY_STEPS.iter().enumerate() {
+                    let nudge = &nudges[2 * (j * KEY_STEPS.len() + key)..][..2];
+                    positions[t].0 += h * nudge[0];
+                    positions[t].1 += h * nudge[1];
+                }
+            }
+            let by_weight = &nudges[2 * NEIGHBORS * KEY_STEPS.len()..];
+            situation.weights.iter_mut().zip(by_weight).for_each(|(w, n)| *w += h * 0.05 * n);
+            (situation.problem(), controls)
+        };
+        let run = |h: f64| {
+            let (problem, controls) = moved(h);
+            let mut layer = Layer::new(settings, LinearSolver::Sweep);
+            layer.forward(&problem, &controls).unwrap();
+            let states = &layer.output().states;
+            let mut value: f64 = output.controls.dot(layer.controls()) + squares * 2.0 * layer.objective();
+            let mut unwrapped = 0.0;
+            for (t, by) in output.poses.iter().enumerate() {
+                let before = if t == 0 { problem.av.state.heading } else { states[t - 1].heading };
+                unwrapped += world::geometry::wrap_angle(states[t].heading - before);
+                value += by.x * states[t].x + by.y * states[t].y + by.heading * unwrapped;
+            }
+            let pieces: Vec<_> = layer.iterates().iter().map(|u| pieces(&evaluated(&problem, &costing, u))).collect();
+            (value, pieces, layer)
+        };
+        let ((low, low_pieces, _), (high, high_pieces, _)) = (run(-h), run(h));
+        let (_, pieces, mut layer) = run(0.0);
+        prop_assume!(low_pieces == pieces && high_pieces == pieces);
+        let mut by = Gradients::ZERO;
+        layer.backward(&moved(0.0).0, &output, &mut by).unwrap();
+        let mut slope = by.controls.dot(&direction);
+        for (j, neighbor) in by.predictions.iter().enumerate() {
+            for (key, (x, y)) in neighbor.iter().enumerate() {
+                let nudge = &nudges[2 * (j * KEY_STEPS.len() + key)..][..2];
+                slope += x * nudge[0] + y * nudge[1];
+            }
+        }
+        slope += 0.05 * dot(&by.weights, &nudges[2 * NEIGHBORS * KEY_STEPS.len()..]);
+        let difference = (high - low) / (2.0 * h);
+        prop_assert!(near(difference, slope, 2e-5), "central differences {difference}, gradient {slope}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+    #[test]
+    fn a_batch_gives_each_sample_what_it_gets_alone(
+        samples in prop::collection::vec((any_situation(), any_controls(0.5)), 1..12),
+    ) {
+        let problems: Vec<_> = samples.iter().map(|(situation, _)| situation.problem()).collect();
+        let initial: Vec<_> = samples.into_iter().map(|(_, controls)| controls).collect();
+        let outputs = vec![OutputGradient { squares: 0.1, ..OutputGradient::ZERO }; problems.len()];
+        let mut batch = Batch::new(LayerSettings::paper(), LinearSolver::Sweep, 16);
+        batch.forward(&problems, &initial).unwrap();
+        batch.backward(&problems, &outputs).unwrap();
+        for (i, (layer, gradients)) in batch.results().take(problems.len()).enumerate() {
+            let mut alone = Layer::new(LayerSettings::paper(), LinearSolver::Sweep);
+            let mut by = Gradients::ZERO;
+            alone.forward(&problems[i], &initial[i]).unwrap();
+            alone.backward(&problems[i], &outputs[i], &mut by).unwrap();
+            prop_assert_eq!(layer.controls(), alone.controls());
+            prop_assert_eq!(gradients, &by);
+        }
+    }
+}
+
+#[test]
+fn a_batch_names_the_sample_that_has_no_result() {
+    let mut singular = straight([1.0; TERMS]);
+    singular.weights[3] = 0.0;
+    let problems = [straight([1.0; TERMS]).problem(), singular.problem()];
+    let mut batch = Batch::new(LayerSettings::paper(), LinearSolver::Sweep, 2);
+    let error = batch.forward(&problems, &[Controls::ZERO, Controls::ZERO]).unwrap_err();
+    assert_eq!(error.sample, 1);
+}
+
+fn straight(weights: [f64; TERMS]) -> Situation {
+    Situation {
+        line: (0..600).map(|k| (0.1 * f64::from(k) - 20.0, 0.0, 0.0)).collect(),
+        speed: 0.0,
+        stop_distance: None,
+        positions: vec![],
+        weights,
+    }
+}
+
+#[test]
+fn a_control_that_costs_nothing_is_a_typed_error_and_no_plan() {
+    // Standing still, steering changes nothing.
+    let problem = straight([1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0]).problem();
+    for linear in [LinearSolver::Sweep, LinearSolver::Dense] {
+        let mut solver = Solver::new(linear);
+        let summary = solver.solve(&problem, &Settings::paper_test(), &Controls::ZERO).unwrap();
+        assert!(matches!(summary.status, Status::Singular { .. }));
+        assert_eq!((summary.iterations, solver.best()), (0, &Controls::ZERO));
+        let error = Layer::new(LayerSettings::paper(), linear).forward(&problem, &Controls::ZERO).unwrap_err();
+        assert!(matches!(error, SolveError::Singular { iteration: 0, .. }), "{error}");
+    }
+}
+
+#[test]
+fn controls_that_are_no_numbers_are_refused() {
+    let problem = straight([1.0; TERMS]).problem();
+    let mut controls = Controls::ZERO;
+    controls.steering[7] = f64::NAN;
+    let mut solver = Solver::new(LinearSolver::Sweep);
+    assert_eq!(solver.solve(&problem, &Settings::paper_test(), &controls), Err(SolveError::InitialControls));
+    controls.steering[7] = 1e200;
+    let error = solver.solve(&problem, &Settings::paper_test(), &controls).unwrap_err();
+    assert_eq!(error.to_string(), "the objective is not finite after 0 iterations");
+}
+
+#[test]
+fn a_warm_solver_gives_the_bits_of_a_new_one() {
+    let mut first = straight([1.0; TERMS]);
+    first.speed = 9.0;
+    let mut second = first.clone();
+    second.line.iter_mut().for_each(|p| p.0 += 17.0);
+    let mut warm = Solver::new(LinearSolver::Sweep);
+    for situation in [&first, &second, &first] {
+        let mut new = Solver::new(LinearSolver::Sweep);
+        let problem = situation.problem();
+        new.solve(&problem, &Settings::paper_test(), &Controls::ZERO).unwrap();
+        warm.solve(&problem, &Settings::paper_test(), &Controls::ZERO).unwrap();
+        assert_eq!(warm.history(), new.history());
+        assert_eq!(warm.best(), new.best());
+    }
+}

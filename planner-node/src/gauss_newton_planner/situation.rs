@@ -1,0 +1,200 @@
+//! An observation and a prediction become a problem, in the AV's own frame.
+
+use wire::node::StepInput;
+use world::geometry::{Point, Pose};
+use world::observation::{Observation, ObservedAgent};
+use world::plan::{PLAN_STEPS, Prediction};
+use world::reference_line::{ReferenceWindow, SAMPLES_BEHIND};
+use world::scene::TrackId;
+use world::vehicle::VehicleState;
+
+use crate::gauss_newton::constants::{NEIGHBORS, STOP_MARGIN, TERMS};
+use crate::gauss_newton::{InfoColumn, Inputs, Neighbor, Vehicle};
+use crate::idm::{Corridor, DesiredSpeed};
+
+/// A red light whose stop point is this far behind the AV's front is passed (m): the AV may stand on it.
+const PASSED: f64 = 1.0;
+
+/// Whose rules make a problem of what is seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rules {
+    /// The authors': one wanted speed and the red light from their info column, numbers rounded to f32 where theirs are.
+    Paper,
+    /// Ours: the wanted speed of the line here, red lights until they are passed.
+    Strict,
+}
+
+impl Rules {
+    /// Those of a protocol.
+    #[must_use]
+    pub fn of(protocol: &str) -> Self {
+        if protocol == "paper" { Self::Paper } else { Self::Strict }
+    }
+
+    /// A number as it is stored.
+    fn stored(self, value: f64) -> f64 {
+        match self {
+            Self::Paper => f64::from(value as f32),
+            Self::Strict => value,
+        }
+    }
+}
+
+/// Everything of a problem but the weights. Buffers are kept from step to step.
+#[derive(Clone, Debug, Default)]
+pub struct Situation {
+    line_x: Vec<f64>,
+    line_y: Vec<f64>,
+    line_heading: Vec<f64>,
+    speed_target: f64,
+    stop_distance: Option<f64>,
+    av: Vehicle,
+    neighbors: Vec<Expected>,
+}
+
+/// A neighbor and where it is expected.
+#[derive(Clone, Debug, Default)]
+struct Expected {
+    track: Option<TrackId>,
+    length: f64,
+    width: f64,
+    positions: Vec<(f64, f64)>,
+}
+
+impl Situation {
+    /// Takes in what is seen and what is expected.
+    ///
+    /// # Errors
+    /// Where the line is empty.
+    pub fn fill(&mut self, rules: Rules, step: &StepInput<'_>, prediction: &Prediction) -> Result<(), String> {
+        let observation = step.observation;
+        self.fill_av(rules, observation);
+        self.fill_line(rules, observation);
+        if self.line_x.is_empty() {
+            return Err("the window of the reference line is empty".to_owned());
+        }
+        match rules {
+            Rules::Paper => self.fill_info(&observation.window),
+            Rules::Strict => self.fill_road(observation)?,
+        }
+        self.fill_neighbors(rules, observation, prediction);
+        Ok(())
+    }
+
+    fn fill_av(&mut self, rules: Rules, observation: &Observation) {
+        let av = &observation.av;
+        let velocity = Pose::new(0.0, 0.0, av.heading).to_body(Point::new(av.velocity_x, av.velocity_y));
+        let speed = libm::hypot(rules.stored(velocity.x), rules.stored(velocity.y));
+        self.av = Vehicle {
+            state: VehicleState { speed, ..VehicleState::default() },
+            length: rules.stored(av.length),
+            width: rules.stored(av.width),
+        };
+    }
+
+    fn fill_line(&mut self, rules: Rules, observation: &Observation) {
+        let frame = observation.av.pose();
+        for column in [&mut self.line_x, &mut self.line_y, &mut self.line_heading] {
+            column.clear();
+        }
+        for k in samples(&observation.window) {
+            let pose = observation.window.line.pose(k);
+            let pose = Pose::new(rules.stored(pose.x), rules.stored(pose.y), rules.stored(pose.heading));
+            let own = frame.pose_to_body(pose);
+            self.line_x.push(rules.stored(own.x));
+            self.line_y.push(rules.stored(own.y));
+            self.line_heading.push(rules.stored(own.heading));
+        }
+    }
+
+    /// The authors' reading.
+    fn fill_info(&mut self, window: &ReferenceWindow) {
+        let mut info: Vec<f64> = samples(window)
+            .map(|k| if window.line.crosswalk[k] { 1.0 } else { Rules::Paper.stored(window.line.speed_limit[k]) })
+            .collect();
+        for red in &window.red_stops {
+            if let Some(entry) = info.get_mut(*red as usize) {
+                *entry = 0.0;
+            }
+        }
+        let read = InfoColumn::read(&info, SAMPLES_BEHIND);
+        self.speed_target = read.speed_target;
+        self.stop_distance = read.stop_distance;
+    }
+
+    fn fill_road(&mut self, observation: &Observation) -> Result<(), String> {
+        let corridor =
+            Corridor::new(&observation.window).ok_or("the window of the reference line has less than two samples")?;
+        let own = corridor.nearest(observation.av.position());
+        self.speed_target = DesiredSpeed::new(&corridor).at(own).speed;
+        let front = corridor.station(own) + observation.av.length / 2.0;
+        let ahead = observation.window.red_stops.iter().map(|red| corridor.station(*red as usize));
+        let stop = ahead.filter(|station| *station > front - PASSED).fold(f64::INFINITY, f64::min);
+        // The authors' margin is from the AV's center: half of a long vehicle is more.
+        let margin = STOP_MARGIN.max(observation.av.length / 2.0 + 0.5);
+        self.stop_distance = stop.is_finite().then(|| stop - corridor.station(own) - margin);
+        Ok(())
+    }
+
+    /// The nearest neighbors, each where it is expected; one that is not predicted keeps its velocity.
+    fn fill_neighbors(&mut self, rules: Rules, observation: &Observation, prediction: &Prediction) {
+        let frame = observation.av.pose();
+        let distance = |agent: &ObservedAgent| agent.state.position().distance_squared(frame.position());
+        let mut agents: Vec<&ObservedAgent> = observation.agents.iter().collect();
+        // Stable: of equally near ones the first in the log.
+        agents.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+        agents.truncate(NEIGHBORS);
+        let trajectories = prediction.most_likely().map_or(&[][..], |future| &future.trajectories);
+        self.neighbors.truncate(agents.len());
+        self.neighbors.resize_with(agents.len(), Default::default);
+        for (agent, neighbor) in agents.iter().zip(&mut self.neighbors) {
+            neighbor.track = Some(agent.track);
+            neighbor.length = rules.stored(agent.state.length);
+            neighbor.width = rules.stored(agent.state.width);
+            let positions = &mut neighbor.positions;
+            positions.clear();
+            let expected = trajectories.iter().find(|t| t.track == agent.track);
+            let own = |place: Point| {
+                let own = frame.to_body(place);
+                (own.x, own.y)
+            };
+            match expected {
+                Some(expected) => positions.extend(expected.poses.iter().map(|pose| own(pose.position()))),
+                None => positions.extend((1..=PLAN_STEPS).map(|k| {
+                    let seconds = 0.1 * k as f64;
+                    let velocity = Point::new(agent.state.velocity_x, agent.state.velocity_y);
+                    own(agent.state.position() + velocity * seconds)
+                })),
+            }
+        }
+    }
+
+    /// Which track a neighbor of the problem is.
+    #[must_use]
+    pub fn track(&self, neighbor: usize) -> Option<TrackId> {
+        self.neighbors.get(neighbor)?.track
+    }
+
+    /// Calls `with` with the inputs of this situation under these weights.
+    pub fn with_inputs<T>(&self, weights: [f64; TERMS], with: impl FnOnce(&Inputs<'_>) -> T) -> T {
+        let mut neighbors = [None; NEIGHBORS];
+        for (place, n) in neighbors.iter_mut().zip(&self.neighbors) {
+            *place = Some(Neighbor { length: n.length, width: n.width, positions: &n.positions });
+        }
+        with(&Inputs {
+            line_x: &self.line_x,
+            line_y: &self.line_y,
+            line_heading: &self.line_heading,
+            speed_target: self.speed_target,
+            stop_distance: self.stop_distance,
+            av: self.av,
+            neighbors: &neighbors,
+            weights,
+        })
+    }
+}
+
+/// The window's samples in its line.
+fn samples(window: &ReferenceWindow) -> std::ops::Range<usize> {
+    window.start..(window.start + window.samples).min(window.line.len())
+}

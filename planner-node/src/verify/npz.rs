@@ -1,0 +1,226 @@
+//! NumPy's `.npz` files: a zip archive of `.npy` arrays, stored or deflated. As much of both as vectors need.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+/// An array: numbers in C order. Integers are read as floats.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Array {
+    /// Length along each axis; empty for a single number.
+    pub shape: Vec<usize>,
+    /// The numbers.
+    pub values: Vec<f64>,
+}
+
+/// The arrays of one file, by name.
+#[derive(Clone, Debug, Default)]
+pub struct Npz {
+    path: PathBuf,
+    arrays: BTreeMap<String, Array>,
+}
+
+/// Why a file or an array cannot be used.
+#[derive(Debug, Error)]
+pub enum NpzError {
+    /// The file cannot be read.
+    #[error("cannot read {path}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is not what it should be.
+    #[error("{path}: {what}")]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        what: String,
+    },
+    /// An array is missing or of another shape.
+    #[error("{path}: array {name} {what}")]
+    Array {
+        /// The file.
+        path: PathBuf,
+        /// The array.
+        name: String,
+        /// What is wrong.
+        what: String,
+    },
+}
+
+/// No array is larger than this: a wrong length in a file must not take all memory.
+const LARGEST: usize = 1 << 30;
+
+impl Npz {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`NpzError`] names the file and what is wrong with it.
+    pub fn read(path: &Path) -> Result<Self, NpzError> {
+        let bytes = fs::read(path).map_err(|source| NpzError::Io { path: path.to_owned(), source })?;
+        let arrays = parse_zip(&bytes).map_err(|what| NpzError::Malformed { path: path.to_owned(), what })?;
+        Ok(Self { path: path.to_owned(), arrays })
+    }
+
+    /// Whether there is such an array.
+    #[must_use]
+    pub fn has(&self, name: &str) -> bool {
+        self.arrays.contains_key(name)
+    }
+
+    /// The numbers of an array; `None` along an axis of `shape` leaves it open.
+    ///
+    /// # Errors
+    /// [`NpzError::Array`].
+    pub fn array(&self, name: &str, shape: &[Option<usize>]) -> Result<&[f64], NpzError> {
+        let error = |what| self.error(name, what);
+        let array = self.arrays.get(name).ok_or_else(|| error("is missing".to_owned()))?;
+        let fits = |(got, wanted): (&usize, &Option<usize>)| wanted.is_none_or(|wanted| wanted == *got);
+        if array.shape.len() == shape.len() && array.shape.iter().zip(shape).all(fits) {
+            Ok(&array.values)
+        } else {
+            Err(error(format!("has shape {:?}, but {shape:?} is needed", array.shape)))
+        }
+    }
+
+    /// That this array is not as it should be.
+    #[must_use]
+    pub fn error(&self, name: &str, what: String) -> NpzError {
+        NpzError::Array { path: self.path.clone(), name: name.to_owned(), what }
+    }
+
+    /// A single number.
+    ///
+    /// # Errors
+    /// [`NpzError::Array`].
+    pub fn number(&self, name: &str) -> Result<f64, NpzError> {
+        Ok(self.array(name, &[])?[0])
+    }
+}
+
+fn parse_zip(bytes: &[u8]) -> Result<BTreeMap<String, Array>, String> {
+    let cut = || "the archive is cut off".to_owned();
+    // The end of the central directory is the last record, before a comment.
+    let end = bytes.windows(4).rposition(|w| w == b"PK\x05\x06").ok_or("it is no zip archive")?;
+    let entries = u16_at(bytes, end + 10).ok_or_else(cut)?;
+    let mut at = u32_at(bytes, end + 16).ok_or_else(cut)?;
+    let mut arrays = BTreeMap::new();
+    for _ in 0..entries {
+        if bytes.get(at..at + 4) != Some(b"PK\x01\x02") {
+            return Err(format!("no directory entry at byte {at}"));
+        }
+        let field = |offset| u16_at(bytes, at + offset).ok_or_else(cut);
+        let (method, name_length, extra, comment) = (field(10)?, field(28)?, field(30)?, field(32)?);
+        let packed = u32_at(bytes, at + 20).ok_or_else(cut)?;
+        let unpacked = u32_at(bytes, at + 24).ok_or_else(cut)?;
+        let local = u32_at(bytes, at + 42).ok_or_else(cut)?;
+        let name = bytes.get(at + 46..at + 46 + name_length).ok_or_else(cut)?;
+        let name = String::from_utf8_lossy(name).trim_end_matches(".npy").to_owned();
+        at += 46 + name_length + extra + comment;
+        let skip = 30 + u16_at(bytes, local + 26).ok_or_else(cut)? + u16_at(bytes, local + 28).ok_or_else(cut)?;
+        let data = bytes.get(local + skip..).and_then(|rest| rest.get(..packed)).ok_or_else(cut)?;
+        if unpacked > LARGEST {
+            return Err(format!("{name} claims {unpacked} bytes"));
+        }
+        let array = match method {
+            0 => parse_npy(data),
+            8 => miniz_oxide::inflate::decompress_to_vec_with_limit(data, unpacked)
+                .map_err(|error| format!("does not unpack: {error}"))
+                .and_then(|data| parse_npy(&data)),
+            method => Err(format!("is packed by method {method}, which is not known")),
+        };
+        arrays.insert(name.clone(), array.map_err(|what| format!("{name} {what}"))?);
+    }
+    Ok(arrays)
+}
+
+fn u16_at(bytes: &[u8], at: usize) -> Option<usize> {
+    let field = bytes.get(at..)?.first_chunk::<2>()?;
+    Some(usize::from(u16::from_le_bytes(*field)))
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> Option<usize> {
+    let field = bytes.get(at..)?.first_chunk::<4>()?;
+    usize::try_from(u32::from_le_bytes(*field)).ok()
+}
+
+fn parse_npy(bytes: &[u8]) -> Result<Array, String> {
+    let rest = bytes.strip_prefix(b"\x93NUMPY").ok_or("is no npy array")?;
+    let cut = || "is cut off".to_owned();
+    let (length, start) = match rest.first() {
+        Some(1) => (u16_at(rest, 2).ok_or_else(cut)?, 4),
+        Some(_) => (u32_at(rest, 2).ok_or_else(cut)?, 6),
+        None => return Err(cut()),
+    };
+    let header = rest.get(start..start + length).ok_or_else(cut)?;
+    let header = std::str::from_utf8(header).map_err(|_| "has a header that is no text")?;
+    let value = |key: &str| header.split_once(key).map(|(_, rest)| rest.trim_start_matches([':', ' ']));
+    if value("'fortran_order'").is_none_or(|v| !v.starts_with("False")) {
+        return Err("is not in C order".to_owned());
+    }
+    let shape = value("'shape'").and_then(|v| v.strip_prefix('(')?.split_once(')')).ok_or("has no shape")?.0;
+    let shape = shape.split(',').map(str::trim).filter(|v| !v.is_empty());
+    let shape: Vec<usize> = shape.map(str::parse).collect::<Result<_, _>>().map_err(|_| "has a wrong shape")?;
+    let kind = value("'descr'").and_then(|v| v.strip_prefix('\'')?.split_once('\'')).ok_or("has no type")?.0;
+    let data = &rest[start + length..];
+    let values: Vec<f64> = match kind {
+        "<f8" => chunks(data, f64::from_le_bytes),
+        "<f4" => chunks(data, |b| f64::from(f32::from_le_bytes(b))),
+        "<i8" => chunks(data, |b| i64::from_le_bytes(b) as f64),
+        "<i4" => chunks(data, |b| f64::from(i32::from_le_bytes(b))),
+        "|b1" | "|u1" => data.iter().map(|b| f64::from(*b)).collect(),
+        kind => return Err(format!("has type {kind}, which is not known")),
+    };
+    let wanted = shape.iter().try_fold(1_usize, |product, axis| product.checked_mul(*axis));
+    if wanted == Some(values.len()) {
+        Ok(Array { shape, values })
+    } else {
+        Err(format!("has {} numbers for shape {shape:?}", values.len()))
+    }
+}
+
+fn chunks<const N: usize>(data: &[u8], number: impl Fn([u8; N]) -> f64) -> Vec<f64> {
+    data.as_chunks::<N>().0.iter().map(|chunk| number(*chunk)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn npy(kind: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+        let header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}\n");
+        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+        bytes.extend(u16::try_from(header.len()).unwrap().to_le_bytes());
+        bytes.extend(header.as_bytes());
+        bytes.extend(data);
+        bytes
+    }
+
+    #[test]
+    fn numbers_and_arrays_of_each_type_are_read() {
+        let number = parse_npy(&npy("<f8", "()", &2.5_f64.to_le_bytes())).unwrap();
+        assert_eq!((number.shape, number.values), (vec![], vec![2.5]));
+        let data: Vec<u8> = [1_i32, -2, 3, 4].iter().flat_map(|v| v.to_le_bytes()).collect();
+        let array = parse_npy(&npy("<i4", "(2, 2)", &data)).unwrap();
+        assert_eq!((array.shape, array.values), (vec![2, 2], vec![1.0, -2.0, 3.0, 4.0]));
+    }
+
+    #[test]
+    fn what_is_wrong_with_an_array_is_said() {
+        let text = |bytes: &[u8]| parse_npy(bytes).unwrap_err();
+        assert_eq!(text(b"PNG"), "is no npy array");
+        assert_eq!(text(&npy("<c16", "(1,)", &[0; 16])), "has type <c16, which is not known");
+        assert_eq!(text(&npy("<f8", "(2,)", &[0; 8])), "has 1 numbers for shape [2]");
+        assert_eq!(
+            text(&npy("<f8", "(99999999999, 99999999999)", &[0; 8])),
+            "has 1 numbers for shape [99999999999, 99999999999]"
+        );
+        assert_eq!(parse_zip(b"nothing").unwrap_err(), "it is no zip archive");
+        assert_eq!(parse_zip(b"PK\x05\x06\0\0\0\0\x01\0\x01\0").unwrap_err(), "the archive is cut off");
+    }
+}

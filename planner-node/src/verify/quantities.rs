@@ -1,0 +1,402 @@
+//! What is compared, how, and within which tolerance.
+
+use world::vehicle::{BicycleModel, VehicleState};
+
+use super::Worst;
+use super::case::{CaseError, controls, from_interleaved, problem};
+use super::npz::Npz;
+use crate::gauss_newton::constants::{KEY_STEPS, NEIGHBORS, STEPS, TERMS, Term};
+use crate::gauss_newton::dense::{UNKNOWNS, jacobian};
+use crate::gauss_newton::{
+    Controls, Evaluation, Gradients, Layer, LayerSettings, LinearSolver, OutputGradient, Problem, Settings, Solver,
+    StateChange, Status, Summary, trajectory,
+};
+
+/// Something that is compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "name() says it")]
+pub enum Quantity {
+    InitialTrajectory,
+    NearestSamples,
+    Frenet,
+    Residuals,
+    Jacobian,
+    NormalEquations,
+    TeacherForcedSteps,
+    ObjectiveHistory,
+    Iterations,
+    BestControls,
+    BestTrajectory,
+    DrivenTrajectory,
+    TrainingStatus,
+    TrainingControls,
+    TrainingTrajectory,
+    TrainingObjective,
+    Losses,
+    ControlGradients,
+    PredictionGradients,
+    WeightGradients,
+    LoopControls,
+    LoopPoses,
+    LoopObjectives,
+}
+
+use Quantity as Q;
+
+/// A deviation of each quantity that a case has.
+pub(super) type Deviations = Vec<(Quantity, f64)>;
+
+impl Quantity {
+    /// Those of a closed loop's episode.
+    pub const OF_EPISODES: [Self; 3] = [Q::LoopControls, Q::LoopPoses, Q::LoopObjectives];
+
+    /// Those of a case.
+    pub const OF_CASES: [Self; 20] = [
+        Q::InitialTrajectory,
+        Q::NearestSamples,
+        Q::Frenet,
+        Q::Residuals,
+        Q::Jacobian,
+        Q::NormalEquations,
+        Q::TeacherForcedSteps,
+        Q::ObjectiveHistory,
+        Q::Iterations,
+        Q::BestControls,
+        Q::BestTrajectory,
+        Q::DrivenTrajectory,
+        Q::TrainingStatus,
+        Q::TrainingControls,
+        Q::TrainingTrajectory,
+        Q::TrainingObjective,
+        Q::Losses,
+        Q::ControlGradients,
+        Q::PredictionGradients,
+        Q::WeightGradients,
+    ];
+
+    /// What it is called, how its deviation is measured, and the tolerance.
+    const fn about(self) -> (&'static str, &'static str, f64) {
+        match self {
+            Q::InitialTrajectory => ("initial trajectory", "abs", 1e-10),
+            Q::NearestSamples => ("nearest samples", "", 0.0),
+            Q::Frenet => ("Frenet coordinates", "abs", 1e-10),
+            Q::Residuals => ("initial residuals", "abs", 1e-10),
+            Q::Jacobian => ("Jacobian", "abs", 1e-10),
+            Q::NormalEquations => ("first step, J'Jd + J'r", "rel", 1e-9),
+            Q::TeacherForcedSteps => ("teacher-forced steps", "abs", 1e-8),
+            Q::ObjectiveHistory => ("objective history", "rel", 1e-7),
+            Q::Iterations => ("iterations and status", "", 0.0),
+            Q::BestControls => ("best controls", "abs", 1e-7),
+            Q::BestTrajectory => ("best trajectory", "abs", 1e-7),
+            Q::DrivenTrajectory => ("driven trajectory", "abs", 1e-7),
+            Q::TrainingStatus => ("training status", "", 0.0),
+            Q::TrainingControls => ("training controls", "abs", 1e-8),
+            Q::TrainingTrajectory => ("training trajectory", "abs", 1e-8),
+            Q::TrainingObjective => ("training objective", "rel", 1e-8),
+            Q::Losses => ("training losses", "rel", 1e-8),
+            Q::ControlGradients => ("gradients by controls", "rel", 1e-6),
+            Q::PredictionGradients => ("gradients by predictions", "rel", 1e-6),
+            Q::WeightGradients => ("gradients by weights", "rel", 1e-6),
+            Q::LoopControls => ("closed loop, first control", "abs", 1e-3),
+            Q::LoopPoses => ("closed loop, first pose", "abs", 1e-5),
+            Q::LoopObjectives => ("closed loop, objective", "rel", 1e-4),
+        }
+    }
+
+    /// Its name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        self.about().0
+    }
+
+    /// How its deviation is measured: `abs`, `rel`, or nothing where it counts differences. For gradients `rel` is
+    /// |a - b| / (|b| + 1e-3): 1e-6 relative and 1e-9 absolute.
+    #[must_use]
+    pub const fn measure(self) -> &'static str {
+        self.about().1
+    }
+
+    /// The tolerance of the vectors' README; 0 where it must be exact.
+    #[must_use]
+    pub const fn tolerance(self) -> f64 {
+        self.about().2
+    }
+
+    /// Whether this worst deviation is within tolerance. A quantity that no case has does not hold.
+    #[must_use]
+    pub fn holds(self, worst: &Worst) -> bool {
+        !worst.case.is_empty() && worst.deviation <= self.tolerance()
+    }
+}
+
+/// The deviations of one case.
+pub(super) fn deviations(npz: &Npz, linear: LinearSolver) -> Result<Deviations, CaseError> {
+    let problem = problem(npz)?;
+    let mut found = Vec::new();
+    at_the_start(npz, &problem, linear, &mut found)?;
+    test_configuration(npz, &problem, linear, &mut found)?;
+    training_configuration(npz, &problem, linear, &mut found)?;
+    Ok(found)
+}
+
+/// The largest |a - b|, each over the scale that `of` gives b.
+pub(super) fn worst(got: impl IntoIterator<Item = f64>, wanted: &[f64], of: impl Fn(f64) -> f64) -> f64 {
+    let mut worst = 0.0;
+    let mut count = 0;
+    for (got, wanted_now) in got.into_iter().zip(wanted) {
+        let deviation = (got - wanted_now).abs() / of(*wanted_now);
+        if deviation.is_nan() || deviation > worst {
+            worst = deviation;
+        }
+        count += 1;
+    }
+    if count == wanted.len() { worst } else { f64::INFINITY }
+}
+
+pub(super) fn absolute(_: f64) -> f64 {
+    1.0
+}
+
+pub(super) fn relative(wanted: f64) -> f64 {
+    wanted.abs().max(1e-12)
+}
+
+fn gradient_scale(wanted: f64) -> f64 {
+    wanted.abs() + 1e-3
+}
+
+fn differences(pairs: &[(f64, f64)]) -> f64 {
+    pairs.iter().filter(|(a, b)| a != b).count() as f64
+}
+
+fn poses(states: &[VehicleState; STEPS]) -> impl Iterator<Item = f64> {
+    states.iter().flat_map(|s| [s.x, s.y, s.heading, s.speed.max(0.0)])
+}
+
+/// Rows in the vectors' order: safety by key step, absent where no neighbor is too near.
+fn stacked(at: &Evaluation, weights: &[f64; TERMS]) -> Vec<f64> {
+    let weight = |term: Term| weights[term as usize];
+    let mut all = Vec::new();
+    for (term, rows) in at.rows.parts(0) {
+        all.extend(rows.iter().map(|c| weight(term) * c));
+    }
+    let mut safety = [0.0; KEY_STEPS.len()];
+    for (row, c) in at.safety().iter().zip(&at.rows.safety) {
+        safety[row.key] = weight(Term::Safety) * c;
+    }
+    all.extend(safety);
+    all
+}
+
+fn at_the_start(npz: &Npz, problem: &Problem, linear: LinearSolver, found: &mut Deviations) -> Result<(), CaseError> {
+    let initial = controls(npz, "controls0")?;
+    let costing = Settings::paper_test().costing;
+    let mut at = Evaluation::default();
+    at.evaluate(problem, &costing, &initial);
+    let states = &at.motion.states;
+    found.push((Q::InitialTrajectory, worst(poses(states), npz.array("traj0", &[Some(STEPS), Some(4)])?, absolute)));
+
+    let line = problem.line();
+    let frenet = states.map(|s| line.frenet(s.x, s.y, 0));
+    let nearest = npz.array("nearest0", &[Some(STEPS)])?;
+    found.push((Q::NearestSamples, worst(frenet.iter().map(|f| f.sample as f64), nearest, absolute)));
+    let station = |sample: usize| 0.1 * (sample as f64 - 200.0);
+    let own = npz.array("frenet_ego0", &[Some(STEPS), Some(2)])?;
+    let mut frenet_worst = worst(frenet.iter().flat_map(|f| [station(f.sample), f.lateral]), own, absolute);
+    let others = npz.array("frenet_neighbors0", &[Some(KEY_STEPS.len()), Some(NEIGHBORS), Some(2)])?;
+    for j in 0..NEIGHBORS {
+        let Some(frenet) = problem.neighbor_frenet(j) else { continue };
+        for (key, f) in frenet.iter().enumerate() {
+            let other = &others[(key * NEIGHBORS + j) * 2..][..2];
+            frenet_worst = frenet_worst.max(worst([station(f.sample), f.lateral], other, absolute));
+        }
+    }
+    found.push((Q::Frenet, frenet_worst));
+
+    let residuals = stacked(&at, problem.weights());
+    let wanted = npz.array("residual_weighted", &[Some(residuals.len())])?;
+    found.push((Q::Residuals, worst(residuals.iter().copied(), wanted, absolute)));
+
+    let wanted = npz.array("jacobian", &[Some(residuals.len()), Some(UNKNOWNS)])?;
+    let ours = jacobian(&at, problem.weights());
+    let plain = residuals.len() - KEY_STEPS.len();
+    let rows = (0..residuals.len()).map(|row| {
+        if row < plain {
+            return Some(row);
+        }
+        let key = row - plain;
+        at.safety().iter().position(|row| row.key == key).map(|i| plain + i)
+    });
+    let entries = rows.flat_map(|row| {
+        let ours = &ours;
+        (0..UNKNOWNS).map(move |column| row.map_or(0.0, |row| ours[(row, column)]))
+    });
+    found.push((Q::Jacobian, worst(entries, wanted, absolute)));
+
+    if npz.number("test_status")? >= 0.0 {
+        let mut solver = Solver::new(linear);
+        let left_over = match solver.step_at(problem, &costing, &initial) {
+            Ok(step) => left_over(&step, wanted, npz.array("residual_weighted", &[None])?),
+            Err(_) => f64::INFINITY,
+        };
+        found.push((Q::NormalEquations, left_over));
+    }
+    Ok(())
+}
+
+/// The largest entry of J'(J d + r), over that of J'r or 1, with the vectors' own J and r.
+fn left_over(step: &Controls, jacobian: &[f64], residuals: &[f64]) -> f64 {
+    let step: Vec<f64> = step.interleaved().collect();
+    let mut left = [0.0; UNKNOWNS];
+    let mut gradient = [0.0; UNKNOWNS];
+    for (row, r) in jacobian.as_chunks::<UNKNOWNS>().0.iter().zip(residuals) {
+        let linear: f64 = r + row.iter().zip(&step).map(|(j, d)| j * d).sum::<f64>();
+        for i in 0..UNKNOWNS {
+            left[i] += row[i] * linear;
+            gradient[i] += row[i] * r;
+        }
+    }
+    worst(left, &[0.0; UNKNOWNS], absolute) / worst(gradient, &[0.0; UNKNOWNS], absolute).max(1.0)
+}
+
+fn test_configuration(
+    npz: &Npz,
+    problem: &Problem,
+    linear: LinearSolver,
+    found: &mut Deviations,
+) -> Result<(), CaseError> {
+    let settings = Settings::paper_test();
+    let mut solver = Solver::new(linear);
+    let iterates = npz.array("test_iterates", &[None, Some(STEPS), Some(2)])?;
+    let iterates = iterates.as_chunks::<UNKNOWNS>().0;
+    if iterates.len() > 1 {
+        let mut steps = 0.0_f64;
+        for pair in iterates.windows(2) {
+            let mut next = from_interleaved(&pair[0]);
+            let deviation = match solver.step_at(problem, &settings.costing, &next) {
+                Ok(step) => {
+                    next.add_scaled(0.2, &step);
+                    worst(next.interleaved(), &pair[1], absolute)
+                }
+                Err(_) => f64::INFINITY,
+            };
+            steps = if deviation > steps { deviation } else { steps };
+        }
+        found.push((Q::TeacherForcedSteps, steps));
+    }
+
+    let initial = controls(npz, "controls0")?;
+    let Ok(summary) = solver.solve(problem, &settings, &initial) else {
+        found.push((Q::Iterations, f64::INFINITY));
+        return Ok(());
+    };
+    let history = npz.array("test_objective_history", &[None])?;
+    found.push((Q::ObjectiveHistory, worst(solver.history().iter().copied(), history, relative)));
+    found.push((
+        Q::Iterations,
+        differences(&[
+            (summary.iterations as f64, npz.number("test_iterations")?),
+            (summary.best_after.saturating_sub(1) as f64, npz.number("test_best_iter")?),
+            (converged_after(&summary), npz.number("test_converged_iter")?),
+            (theseus_status(summary.status), npz.number("test_status")?),
+        ]),
+    ));
+    let best = npz.array("test_best_controls", &[Some(STEPS), Some(2)])?;
+    let last = npz.array("test_final_controls", &[Some(STEPS), Some(2)])?;
+    let deviation = worst(solver.best().interleaved(), best, absolute);
+    found.push((Q::BestControls, deviation.max(worst(solver.last().interleaved(), last, absolute))));
+    for (quantity, model, name) in [
+        (Q::BestTrajectory, BicycleModel::authors_planner(), "test_best_traj"),
+        (Q::DrivenTrajectory, BicycleModel::authors_test(), "test_best_traj_output"),
+    ] {
+        let states = trajectory(problem, &model, solver.best());
+        found.push((quantity, worst(poses(&states), npz.array(name, &[Some(STEPS), Some(4)])?, absolute)));
+    }
+    Ok(())
+}
+
+/// Theseus' `converged_iter`: it stays 0 where the factorization fails.
+fn converged_after(summary: &Summary) -> f64 {
+    match summary.status {
+        Status::Converged => summary.iterations as f64,
+        Status::IterationLimit => -1.0,
+        Status::Singular { .. } => 0.0,
+    }
+}
+
+fn theseus_status(status: Status) -> f64 {
+    match status {
+        Status::Converged => 1.0,
+        Status::IterationLimit => 2.0,
+        Status::Singular { .. } => -1.0,
+    }
+}
+
+fn training_configuration(
+    npz: &Npz,
+    problem: &Problem,
+    linear: LinearSolver,
+    found: &mut Deviations,
+) -> Result<(), CaseError> {
+    let mut layer = Layer::new(LayerSettings::paper(), linear);
+    let forward = layer.forward(problem, &controls(npz, "controls0")?);
+    let fails = npz.number("train_status")? < 0.0;
+    found.push((Q::TrainingStatus, differences(&[(f64::from(forward.is_err()), f64::from(fails))])));
+    if fails || forward.is_err() {
+        return Ok(());
+    }
+    let wanted = npz.array("train_controls", &[Some(STEPS), Some(2)])?;
+    found.push((Q::TrainingControls, worst(layer.controls().interleaved(), wanted, absolute)));
+    let wanted = npz.array("train_traj", &[Some(STEPS), Some(4)])?;
+    found.push((Q::TrainingTrajectory, worst(poses(&layer.output().states), wanted, absolute)));
+    let objective = npz.number("train_objective")?;
+    found.push((Q::TrainingObjective, worst([layer.objective()], &[objective], relative)));
+
+    let target = npz.array("target", &[Some(STEPS), Some(3)])?;
+    for name in ["simple", "train"] {
+        let (loss, gradient) = loss(&layer, target, name == "train");
+        found.push((Q::Losses, worst([loss], &[npz.number(&format!("loss_{name}"))?], relative)));
+        let mut by = Gradients::ZERO;
+        if layer.backward(problem, &gradient, &mut by).is_err() {
+            found.push((Q::ControlGradients, f64::INFINITY));
+            continue;
+        }
+        let wanted = npz.array(&format!("grad_{name}_controls"), &[Some(STEPS), Some(2)])?;
+        found.push((Q::ControlGradients, worst(by.controls.interleaved(), wanted, gradient_scale)));
+        let wanted = npz.array(&format!("grad_{name}_predictions"), &[Some(NEIGHBORS), Some(STEPS), Some(3)])?;
+        let mut all = vec![0.0; NEIGHBORS * STEPS * 3];
+        for (j, neighbor) in by.predictions.iter().enumerate() {
+            for (&t, (x, y)) in KEY_STEPS.iter().zip(neighbor) {
+                all[(j * STEPS + t) * 3..][..2].copy_from_slice(&[*x, *y]);
+            }
+        }
+        found.push((Q::PredictionGradients, worst(all, wanted, gradient_scale)));
+        let wanted = npz.array(&format!("grad_{name}_weights"), &[Some(TERMS)])?;
+        found.push((Q::WeightGradients, worst(by.weights, wanted, gradient_scale)));
+    }
+    Ok(())
+}
+
+/// The authors' loss on the planner's output, and its gradient: smooth L1 of all poses, and (`whole`) of the last pose and the
+/// cost, a thousandth of its mean over the rows.
+fn loss(layer: &Layer, target: &[f64], whole: bool) -> (f64, OutputGradient) {
+    const COST: f64 = 1e-3 / 383.0;
+    let mut gradient = OutputGradient::ZERO;
+    let mut loss = 0.0;
+    for t in 0..STEPS {
+        let share = if whole && t == STEPS - 1 { 1.0 / 150.0 + 1.0 / 3.0 } else { 1.0 / 150.0 };
+        let state = &layer.output().states[t];
+        let mut by = [0.0; 3];
+        for (c, value) in [state.x, state.y, state.heading].into_iter().enumerate() {
+            let off = value - target[3 * t + c];
+            loss += share * if off.abs() < 1.0 { 0.5 * off * off } else { off.abs() - 0.5 };
+            by[c] = share * off.clamp(-1.0, 1.0);
+        }
+        gradient.poses[t] = StateChange { x: by[0], y: by[1], heading: by[2], speed: 0.0 };
+    }
+    if whole {
+        loss += COST * 2.0 * layer.objective();
+        gradient.squares = COST;
+    }
+    (loss, gradient)
+}
