@@ -48,6 +48,22 @@ pub const DRIVERS: &[Driver] = &[
         predictor: Predictor::None,
         motion: MotionName::Bicycle,
     },
+    Driver {
+        name: "gn-ctrv",
+        about: "Gauss-Newton over DIPP's cost terms, others at constant turn rate",
+        planner: "gauss-newton",
+        planner_reads_log: false,
+        predictor: Predictor::Ctrv,
+        motion: MotionName::Bicycle,
+    },
+    Driver {
+        name: "gn-oracle",
+        about: "The same with everybody's true future",
+        planner: "gauss-newton",
+        planner_reads_log: false,
+        predictor: Predictor::Oracle,
+        motion: MotionName::Bicycle,
+    },
 ];
 
 /// The row of `name`.
