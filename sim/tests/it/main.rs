@@ -55,7 +55,7 @@ fn help_says_what_can_be_typed() {
           --scenarios <PATH>...        Scenes: WOMD TFRecord files, folders, globs, or a scene-set TOML
                                        [default: the built-in demo set]
           --driver <NAME>              Who drives [default: idm] [possible values: idm, human,
-                                       constant-velocity]
+                                       constant-velocity, gn-ctrv, gn-oracle]
           --predictor <NAME>           Where predictions come from [default: what the driver wants]
                                        [possible values: none, ctrv, oracle]
           --planner-command <COMMAND>  A planner of your own: a shell command; the arguments of a node
@@ -108,7 +108,7 @@ fn what_makes_no_sense_is_refused_with_code_2_and_a_hint() {
     --- stdout
     --- stderr
     error: invalid value 'nobody' for '--driver <NAME>'
-      [possible values: idm, human, constant-velocity]
+      [possible values: idm, human, constant-velocity, gn-ctrv, gn-oracle]
 
     For more information, try '--help'.
     ");
