@@ -207,9 +207,12 @@ impl Recording {
     fn close(&mut self, counts: &Counts) -> Result<(), RecordingError> {
         let end = self.sequence.end().ok_or(RecordingError::Missing("end")).map(Counts::of_end);
         self.sequence.close();
+        let has_scene = self.sequence.has_scene();
         self.write_ready()?;
         let files = self.files.take().ok_or(RecordingError::Missing("scene"))?;
         let verdict = end.and_then(|end| match counts.first_difference(&end) {
+            // The counts do not tell: a recorder that comes late may have missed the scene alone.
+            None if !has_scene => Err(RecordingError::Missing("scene")),
             None => Ok(()),
             Some((what, arrived, expected)) => Err(RecordingError::NotWhole { what, arrived, expected }),
         });

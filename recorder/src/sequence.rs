@@ -175,6 +175,12 @@ impl Sequence {
         self.scene_given && self.end().is_some_and(|end| self.counts() == Counts::of_end(end))
     }
 
+    /// Whether the scene came.
+    #[must_use]
+    pub fn has_scene(&self) -> bool {
+        self.scene_given
+    }
+
     /// How the episode ended, once that is known.
     #[must_use]
     pub fn end(&self) -> Option<&proto::EpisodeEnd> {

@@ -122,6 +122,16 @@ fn a_message_that_never_comes_is_named_and_the_file_stays_partial() {
 }
 
 #[test]
+fn a_recording_without_its_scene_is_not_whole_though_all_that_is_counted_came() {
+    let folder = tempfile::tempdir().unwrap();
+    let stage = Stage::set(folder.path());
+    stage.say(0, "a", &synthetic::episode("a", SMALL)[1..]);
+    let answer = stage.answers.recv_timeout(TIMEOUT).unwrap();
+    assert_eq!(answer.error, "not whole: no scene arrived");
+    assert_eq!(names(folder.path()), ["a.mcap.partial", "a.rrd.partial"]);
+}
+
+#[test]
 fn when_standard_input_ends_it_leaves_and_what_came_is_readable() {
     let folder = tempfile::tempdir().unwrap();
     let mut stage = Stage::set(folder.path());
