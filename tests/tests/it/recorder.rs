@@ -9,10 +9,11 @@ use crate::stage::{Stage, wait_until};
 fn a_recorder_killed_in_the_middle_is_started_again_and_the_run_says_so() {
     let stage = Stage::new();
     stage.good_sim("run --scenarios small.toml --parallel 1 --out whole");
-    let mut sim = stage.start("run --scenarios small.toml --parallel 1 --out run");
+    let sim = stage.start("run --scenarios small.toml --parallel 1 --out run");
     wait_until("an episode is done", || stage.parts("run") > 0);
     kill(stage.wait_for("recorder"), Signal::SIGKILL).unwrap();
-    let code = sim.wait().unwrap().code();
+    let output = sim.wait_with_output().unwrap();
+    let (code, said) = (output.status.code(), String::from_utf8_lossy(&output.stderr));
     stage.wait_until_alone();
 
     let read =
@@ -26,7 +27,7 @@ fn a_recorder_killed_in_the_middle_is_started_again_and_the_run_says_so() {
     for (scene, error) in scenes.iter().zip(&errors) {
         let name = format!("episodes/{scene}.mcap");
         if error.is_empty() {
-            assert!(whole[&name] == run[&name], "{name} differs");
+            assert!(whole[&name] == run[&name], "{name} differs\n{said}");
         }
     }
     if broken == 1 {
