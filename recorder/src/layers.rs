@@ -37,17 +37,17 @@ pub fn layers(scene: &proto::Scene, origin: &Origin) -> Vec<Layer> {
     };
     layer("map/driveways", 1.0, map.driveways.iter().map(|area| closed(area, palette::AREA)).collect());
     layer("map/speed_bumps", 1.0, map.speed_bumps.iter().map(|area| closed(area, palette::AREA)).collect());
-    layer("map/crosswalks", 1.2, map.crosswalks.iter().map(|area| closed(area, palette::CROSSWALK)).collect());
+    layer("map/crosswalks", 1.6, map.crosswalks.iter().map(|area| closed(area, palette::CROSSWALK)).collect());
     let lane = |lane: &proto::Lane| {
         let bike = lane.kind() == proto::LaneKind::BikeLane;
         (polyline(lane.centerline.as_ref(), origin), if bike { palette::BIKE_LANE } else { palette::LANE })
     };
-    layer("map/lanes", 1.0, map.lanes.iter().map(lane).collect());
+    layer("map/lanes", 1.2, map.lanes.iter().map(lane).collect());
     let road_line =
         |line: &proto::RoadLine| (polyline(line.polyline.as_ref(), origin), palette::road_line(line.kind()));
-    layer("map/road_lines", 1.0, map.road_lines.iter().map(road_line).collect());
+    layer("map/road_lines", 1.3, map.road_lines.iter().map(road_line).collect());
     let road_edge = |edge: &proto::RoadEdge| (polyline(edge.polyline.as_ref(), origin), palette::ROAD_EDGE);
-    layer("map/road_edges", 1.5, map.road_edges.iter().map(road_edge).collect());
+    layer("map/road_edges", 2.2, map.road_edges.iter().map(road_edge).collect());
     layer("route", 5.0, vec![(route(scene.reference_line.as_ref(), origin), palette::ROUTE)]);
     layers
 }

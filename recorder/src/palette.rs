@@ -8,19 +8,19 @@ pub type Rgba = [u8; 4];
 /// Behind everything.
 pub const BACKGROUND: Rgba = [13, 16, 22, 255];
 /// Centre lines of lanes.
-pub const LANE: Rgba = [42, 49, 61, 255];
+pub const LANE: Rgba = [54, 62, 77, 255];
 /// Centre lines of bicycle lanes.
-pub const BIKE_LANE: Rgba = [40, 56, 52, 255];
+pub const BIKE_LANE: Rgba = [48, 70, 62, 255];
 /// Where the road ends.
-pub const ROAD_EDGE: Rgba = [108, 118, 134, 255];
+pub const ROAD_EDGE: Rgba = [134, 144, 160, 255];
 /// White paint.
-pub const WHITE_LINE: Rgba = [86, 95, 110, 255];
+pub const WHITE_LINE: Rgba = [102, 112, 128, 255];
 /// Yellow paint.
-pub const YELLOW_LINE: Rgba = [126, 106, 58, 255];
+pub const YELLOW_LINE: Rgba = [146, 122, 62, 255];
 /// Crosswalks.
-pub const CROSSWALK: Rgba = [84, 100, 124, 255];
+pub const CROSSWALK: Rgba = [104, 124, 152, 255];
 /// Speed bumps and driveways.
-pub const AREA: Rgba = [52, 60, 72, 255];
+pub const AREA: Rgba = [62, 71, 85, 255];
 /// Stop signs.
 pub const STOP_SIGN: Rgba = [196, 66, 66, 255];
 /// The line to follow.

@@ -1,7 +1,7 @@
 //! The layout a viewer opens a recording with: the scene large on the left, plots to its right, the log and texts below.
 
 use re_sdk_types::blueprint::archetypes::{
-    Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend, TextLogColumns,
+    Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend, ScalarAxis, TextLogColumns,
     TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint,
 };
 use re_sdk_types::blueprint::components::{
@@ -9,6 +9,7 @@ use re_sdk_types::blueprint::components::{
     RowShare,
 };
 use re_sdk_types::blueprint::datatypes::{TextLogColumn, TextLogColumnKind};
+use re_sdk_types::components::Range1D;
 use re_sdk_types::datatypes::Uuid;
 
 use super::columns::color;
@@ -74,11 +75,11 @@ impl Layout<'_> {
     }
 }
 
-/// Writes and activates the layout. `drive` is where the AV was.
+/// Writes and activates the layout. `drive` is where the AV was; plots have a name, a path and a range.
 ///
 /// # Errors
 /// [`RrdError`].
-pub fn write(store: Store<'_>, drive: &[[f32; 3]]) -> Result<(), RrdError> {
+pub fn write(store: Store<'_>, drive: &[[f32; 3]], plots: &[(&str, &str, [f64; 2])]) -> Result<(), RrdError> {
     let mut layout = Layout { store, count: 0 };
 
     // A camera that tracks an entity jumps close to it; one that stands still in a frame that moves rides along.
@@ -89,16 +90,14 @@ pub fn write(store: Store<'_>, drive: &[[f32; 3]]) -> Result<(), RrdError> {
     let height = OVERVIEW_LEAST.max(OVERVIEW_SHARE * extent);
     layout.look(&overview, [middle[0], middle[1] - 0.35 * height, middle[2] + height], middle)?;
 
-    let mut plots = Vec::new();
-    for (name, path) in [
-        ("Speed (m/s)", "/plots/speed"),
-        ("Acceleration (m/s²)", "/plots/acceleration"),
-        ("Steering (rad)", "/plots/steering"),
-        ("Time to collision (s)", "/plots/time_to_collision"),
-    ] {
+    let mut plot_views = Vec::new();
+    for (name, path, range) in plots {
         let plot = layout.view("TimeSeries", name, path, "$origin/**")?;
-        layout.store.log(format!("{plot}/PlotLegend"), &PlotLegend::new().with_visible(path == "/plots/speed"))?;
-        plots.push(plot);
+        layout.store.log(format!("{plot}/PlotLegend"), &PlotLegend::new().with_visible(*path == "/plots/speed"))?;
+        layout
+            .store
+            .log(format!("{plot}/ScalarAxis"), &ScalarAxis::new().with_range(Range1D::new(range[0], range[1])))?;
+        plot_views.push(plot);
     }
     let events = layout.view("TextLog", "Events", "/events", "$origin/**")?;
     let columns =
@@ -107,7 +106,7 @@ pub fn write(store: Store<'_>, drive: &[[f32; 3]]) -> Result<(), RrdError> {
     let outcome = layout.view("TextDocument", "Outcome", "/outcome", "$origin/**")?;
     let settings = layout.view("TextDocument", "Settings", "/settings", "$origin/**")?;
 
-    let plots: Vec<(&str, f32)> = plots.iter().map(|plot| (plot.as_str(), 1.0)).collect();
+    let plots: Vec<(&str, f32)> = plot_views.iter().map(|plot| (plot.as_str(), 1.0)).collect();
     let (plots, _) = layout.container(ContainerKind::Vertical, &plots)?;
     let (texts, _) = layout.container(ContainerKind::Tabs, &[(&outcome, 1.0), (&settings, 1.0)])?;
     let (scene, _) = layout.container(ContainerKind::Tabs, &[(&ride, 1.0), (&overview, 1.0)])?;

@@ -188,6 +188,15 @@ impl Series {
         self.values.push(value.unwrap_or(f64::NAN));
     }
 
+    /// The range that shows all of it, and at least `least`, with a little room.
+    pub fn range(&self, least: [f64; 2]) -> [f64; 2] {
+        let [low, high] = self.values.iter().filter(|value| value.is_finite()).fold(least, |[low, high], value| {
+            [if *value < low { *value } else { low }, if *value > high { *value } else { high }]
+        });
+        let room = 0.05 * (high - low);
+        [low - room, high + room]
+    }
+
     /// Whether there is nothing to plot.
     pub fn is_blank(&self) -> bool {
         self.values.iter().all(|value| value.is_nan())

@@ -35,6 +35,19 @@ struct Plots {
     time_to_collision: Series,
 }
 
+impl Plots {
+    /// The plots' names, paths and ranges: a car that goes straight is not to show the noise of its steering.
+    fn views(&self) -> [(&'static str, &'static str, [f64; 2]); 4] {
+        let [speed, limit] = [&self.speed, &self.limit].map(|series| series.range([0.0, 5.0]));
+        [
+            ("Speed (m/s)", "/plots/speed", [speed[0], if limit[1] > speed[1] { limit[1] } else { speed[1] }]),
+            ("Acceleration (m/s²)", "/plots/acceleration", self.acceleration.range([-1.0, 1.0])),
+            ("Steering (rad)", "/plots/steering", self.steering.range([-0.05, 0.05])),
+            ("Time to collision (s)", "/plots/time_to_collision", self.time_to_collision.range([0.0, 3.0])),
+        ]
+    }
+}
+
 /// A drawing of one episode that grows with its messages; columns of small numbers, a few megabytes at most.
 #[derive(Default)]
 pub struct Drawing {
@@ -145,7 +158,8 @@ impl Drawing {
         let mut encoder = Encoder::local()?;
         // Its index is in the order of a hash map, another each time; viewers do without.
         encoder.do_not_emit_footer();
-        blueprint::write(Store::blueprint(&mut encoder, &format!("{name}/blueprint"))?, self.ride.places())?;
+        let blueprint = Store::blueprint(&mut encoder, &format!("{name}/blueprint"))?;
+        blueprint::write(blueprint, self.ride.places(), &self.plots.views())?;
         let mut store = Store::recording(&mut encoder, &name)?;
         store.log("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;
         store.log("settings", &TextDocument::from_markdown(format!("```toml\n{}\n```\n", settings.trim_end())))?;
