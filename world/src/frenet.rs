@@ -288,9 +288,11 @@ mod tests {
 
         #[test]
         fn rates_are_the_derivatives_of_the_coordinates(
-            station in 1.0..58.0, lateral in -8.0..8.0, heading in -3.0..3.0, speed in 1.0..20.0,
+            piece in 10..580_usize, part in 0.01..0.99, lateral in -8.0..8.0, heading in -3.0..3.0, speed in 1.0..20.0,
         ) {
             let frame = winding();
+            // Within a piece: the second derivative of the line, and so the rate of the station, steps at its samples.
+            let station = frame.station_of(piece) + part * (frame.station_of(piece + 1) - frame.station_of(piece));
             let Point { x, y } = frame.point_to_world(FrenetPoint { station, lateral });
             let state = VehicleState { x, y, heading, speed };
             let found = frame.state_to_frenet(state, nearest(&frame, Point::new(x, y)));
