@@ -14,7 +14,6 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs, reason = "a bench")]
 
 use std::hint::black_box;
-use std::path::Path;
 use std::time::Instant;
 
 use criterion::Criterion;
@@ -33,21 +32,16 @@ struct Case {
 }
 
 fn cases() -> Vec<Case> {
-    let beside = |up: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join(up).join("shared");
-    let roots = std::env::var_os("RELOOP_SHARED").map(Into::into);
-    let found = roots.into_iter().chain([beside("../.."), beside("../../..")]).find(|path| path.is_dir());
-    let Some(folder) = found.map(|root| root.join("dipp/planner-vectors")).filter(|path| path.is_dir()) else {
-        return vec![generated()];
-    };
+    let Some(folder) = vectors::shared("dipp/planner-vectors") else { return vec![generated()] };
     let read = |path: &std::path::PathBuf| {
-        let npz = verify::Npz::read(path).unwrap();
+        let npz = vectors::Npz::read(path).unwrap();
         Case {
             name: path.file_stem().unwrap().to_string_lossy().into_owned(),
             problem: verify::problem(&npz).unwrap(),
             initial: verify::controls(&npz, "controls0").unwrap(),
         }
     };
-    let mut all: Vec<_> = verify::cases(&folder).unwrap().iter().map(read).collect();
+    let mut all: Vec<_> = vectors::npz_files(&folder).unwrap().iter().map(read).collect();
     all.retain(|case| {
         Layer::new(LayerSettings::paper(), LinearSolver::Sweep).forward(&case.problem, &case.initial).is_ok()
     });

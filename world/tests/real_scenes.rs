@@ -3,9 +3,9 @@
 //! Needs the scenes and vectors that are no part of the repository (`RELOOP_SHARED`, or `shared` beside it); skips without.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test")]
 
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use vectors::{Npz, npz_files, shared};
 use world::geometry::{Point, angle_difference};
 use world::plan::{Control, STEP_SECONDS};
 use world::reference_line::SAMPLE_SPACING;
@@ -13,30 +13,10 @@ use world::route::{Route, RouteError, RouteStyle};
 use world::scene::Scene;
 use world::vehicle::{BicycleModel, VehicleState};
 
-fn shared(folder: &str) -> Option<PathBuf> {
-    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
-    let places = [
-        std::env::var_os("RELOOP_SHARED").map(PathBuf::from),
-        Some(repository.join("../shared")),
-        Some(repository.join("../../shared")),
-    ];
-    let found = places.into_iter().flatten().map(|place| place.join(folder)).find(|place| place.is_dir());
-    if found.is_none() {
-        eprintln!("skipped: no shared/{folder} beside the repository, and RELOOP_SHARED names none");
-    }
-    found
-}
-
 fn scenes(folder: &str) -> Vec<Arc<Scene>> {
     let Some(folder) = shared(folder) else { return Vec::new() };
     let set = scenarios::SceneSet::open(&[folder.to_str().unwrap().to_owned()]).unwrap();
     (0..set.entries().len()).map(|index| set.load(index).unwrap().0).collect()
-}
-
-/// An array of an npz file, row by row.
-fn array(file: &Path, name: &str) -> Vec<f64> {
-    let mut archive = npyz::npz::NpzArchive::open(file).unwrap();
-    archive.by_name(name).unwrap().unwrap().into_vec().unwrap()
 }
 
 #[test]
@@ -49,15 +29,16 @@ fn the_paper_route_is_the_authors_route() {
             continue;
         }
         let route = Route::of_log(&scene, RouteStyle::Paper).unwrap();
-        let waypoints = array(&file, "waypoints");
-        assert_eq!(route.waypoints().len(), waypoints.len() / 2, "{}", scene.id());
-        for (ours, theirs) in route.waypoints().iter().zip(waypoints.chunks(2)) {
+        let npz = Npz::read(&file).unwrap();
+        let waypoints = npz.rows::<2>("waypoints", &[None, Some(2)]).unwrap();
+        assert_eq!(route.waypoints().len(), waypoints.len(), "{}", scene.id());
+        for (ours, theirs) in route.waypoints().iter().zip(waypoints) {
             assert!(ours.distance(Point::new(theirs[0], theirs[1])) < 1e-6, "{} {ours:?} {theirs:?}", scene.id());
         }
-        let rows = array(&file, "route");
-        assert_eq!(route.line.len(), rows.len() / 4, "{}", scene.id());
+        let rows = npz.rows::<4>("route", &[None, Some(4)]).unwrap();
+        assert_eq!(route.line.len(), rows.len(), "{}", scene.id());
         let mut worst = [0.0_f64; 3];
-        for (index, row) in rows.chunks(4).enumerate() {
+        for (index, row) in rows.iter().enumerate() {
             let off = [
                 route.line.point(index).distance(Point::new(row[0], row[1])),
                 angle_difference(row[2], route.line.heading[index]).abs(),
@@ -76,15 +57,15 @@ fn the_paper_route_is_the_authors_route() {
 fn the_authors_plans_move_as_their_test_vehicle_does() {
     let Some(vectors) = shared("dipp/closed-loop-vectors") else { return };
     let mut compared = 0;
-    for entry in std::fs::read_dir(vectors).unwrap() {
-        let file = entry.unwrap().path();
+    for file in npz_files(&vectors).unwrap() {
         if !file.to_str().unwrap().ends_with("__planner.npz") {
             continue;
         }
-        let (states, controls) = (array(&file, "av_state"), array(&file, "control_first"));
-        for ((state, control), plan) in
-            states.chunks(8).zip(controls.chunks(2)).zip(array(&file, "plan_first").chunks(3))
-        {
+        let npz = Npz::read(&file).unwrap();
+        let states = npz.rows::<8>("av_state", &[None, Some(8)]).unwrap();
+        let controls = npz.rows::<2>("control_first", &[None, Some(2)]).unwrap();
+        let plans = npz.rows::<3>("plan_first", &[None, Some(3)]).unwrap();
+        for ((state, control), plan) in states.iter().zip(controls).zip(plans) {
             let before = VehicleState { speed: Point::new(state[3], state[4]).norm(), ..VehicleState::default() };
             let control = Control { acceleration: control[0], steering: control[1] };
             let after = BicycleModel::authors_test().step(before, control, STEP_SECONDS);

@@ -1,8 +1,8 @@
 //! One case of the vectors: its inputs.
 
+use vectors::{Npz, NpzError};
 use world::vehicle::VehicleState;
 
-use super::npz::{Npz, NpzError};
 use crate::gauss_newton::constants::{NEIGHBORS, STEPS, TERMS};
 use crate::gauss_newton::{Controls, InfoColumn, Inputs, Neighbor, Problem, ProblemError, Vehicle};
 

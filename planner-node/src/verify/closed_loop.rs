@@ -6,12 +6,12 @@
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
+use vectors::{Npz, NpzError, absolute, relative, worst_deviation};
 use world::geometry::wrap_angle;
 use world::vehicle::{BicycleModel, VehicleState};
 
 use super::case::CaseError;
-use super::npz::{Npz, NpzError};
-use super::quantities::{Deviations, Quantity, absolute, relative, worst};
+use super::quantities::{Deviations, LOOP_CONTROLS, LOOP_OBJECTIVES, LOOP_POSES};
 use crate::gauss_newton::constants::{DT, HAND_TUNED, NEIGHBORS, STEPS, STOP_MARGIN};
 use crate::gauss_newton::{Controls, Inputs, LinearSolver, Neighbor, Problem, Settings, Solver, Vehicle, trajectory};
 
@@ -38,15 +38,15 @@ pub(super) fn deviations(npz: &Npz, route: &Npz, linear: LinearSolver) -> Result
         let Some(objective) = objectives.get(step) else { continue };
         let problem = problem(npz, route, stored, step)?;
         let Ok(summary) = solver.solve(&problem, &Settings::paper_test(), &Controls::ZERO) else {
-            found.push((Quantity::LoopObjectives, f64::INFINITY));
+            found.push((LOOP_OBJECTIVES, f64::INFINITY));
             continue;
         };
         let first = solver.best().at(0);
         let first = [first.acceleration, first.steering];
-        found.push((Quantity::LoopControls, worst(first, &controls[2 * step..][..2], absolute)));
+        found.push((LOOP_CONTROLS, worst_deviation(first, &controls[2 * step..][..2], absolute)));
         let pose = trajectory(&problem, &BicycleModel::authors_test(), solver.best())[0];
-        found.push((Quantity::LoopPoses, worst([pose.x, pose.y, pose.heading], &poses[3 * step..][..3], absolute)));
-        found.push((Quantity::LoopObjectives, worst([summary.best_objective], &[*objective], relative)));
+        found.push((LOOP_POSES, worst_deviation([pose.x, pose.y, pose.heading], &poses[3 * step..][..3], absolute)));
+        found.push((LOOP_OBJECTIVES, worst_deviation([summary.best_objective], &[*objective], relative)));
     }
     Ok(found)
 }
@@ -129,6 +129,6 @@ fn single(value: f64) -> f64 {
 
 /// The `index`-th group of `N` numbers of an array.
 fn row<const N: usize>(npz: &Npz, name: &str, shape: &[Option<usize>], index: usize) -> Result<[f64; N], NpzError> {
-    let all = npz.array(name, shape)?.as_chunks::<N>().0;
+    let all = npz.rows::<N>(name, shape)?;
     all.get(index).copied().ok_or_else(|| npz.error(name, format!("has no row {index}")))
 }

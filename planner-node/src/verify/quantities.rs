@@ -1,10 +1,9 @@
 //! What is compared, how, and within which tolerance.
 
+use vectors::{Npz, Quantity, absolute, relative, worst_deviation};
 use world::vehicle::{BicycleModel, VehicleState};
 
-use super::Worst;
 use super::case::{CaseError, controls, from_interleaved, problem};
-use super::npz::Npz;
 use crate::gauss_newton::constants::{KEY_STEPS, NEIGHBORS, STEPS, TERMS, Term};
 use crate::gauss_newton::dense::{UNKNOWNS, jacobian};
 use crate::gauss_newton::{
@@ -12,122 +11,60 @@ use crate::gauss_newton::{
     StateChange, Status, Summary, trajectory,
 };
 
-/// Something that is compared.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[expect(missing_docs, reason = "name() says it")]
-pub enum Quantity {
-    InitialTrajectory,
-    NearestSamples,
-    Frenet,
-    Residuals,
-    Jacobian,
-    NormalEquations,
-    TeacherForcedSteps,
-    ObjectiveHistory,
-    Iterations,
-    BestControls,
-    BestTrajectory,
-    DrivenTrajectory,
-    TrainingStatus,
-    TrainingControls,
-    TrainingTrajectory,
-    TrainingObjective,
-    Losses,
-    ControlGradients,
-    PredictionGradients,
-    WeightGradients,
-    LoopControls,
-    LoopPoses,
-    LoopObjectives,
-}
-
-use Quantity as Q;
-
 /// A deviation of each quantity that a case has.
 pub(super) type Deviations = Vec<(Quantity, f64)>;
 
-impl Quantity {
-    /// Those of a closed loop's episode.
-    pub const OF_EPISODES: [Self; 3] = [Q::LoopControls, Q::LoopPoses, Q::LoopObjectives];
+const INITIAL_TRAJECTORY: Quantity = Quantity::within("initial trajectory", 1e-10, "abs");
+const NEAREST_SAMPLES: Quantity = Quantity::exact("nearest samples");
+const FRENET: Quantity = Quantity::within("Frenet coordinates", 1e-10, "abs");
+const RESIDUALS: Quantity = Quantity::within("initial residuals", 1e-10, "abs");
+const JACOBIAN: Quantity = Quantity::within("Jacobian", 1e-10, "abs");
+const NORMAL_EQUATIONS: Quantity = Quantity::within("first step, J'Jd + J'r", 1e-9, "rel");
+const TEACHER_FORCED_STEPS: Quantity = Quantity::within("teacher-forced steps", 1e-8, "abs");
+const OBJECTIVE_HISTORY: Quantity = Quantity::within("objective history", 1e-7, "rel");
+const ITERATIONS: Quantity = Quantity::exact("iterations and status");
+const BEST_CONTROLS: Quantity = Quantity::within("best controls", 1e-7, "abs");
+const BEST_TRAJECTORY: Quantity = Quantity::within("best trajectory", 1e-7, "abs");
+const DRIVEN_TRAJECTORY: Quantity = Quantity::within("driven trajectory", 1e-7, "abs");
+const TRAINING_STATUS: Quantity = Quantity::exact("training status");
+const TRAINING_CONTROLS: Quantity = Quantity::within("training controls", 1e-8, "abs");
+const TRAINING_TRAJECTORY: Quantity = Quantity::within("training trajectory", 1e-8, "abs");
+const TRAINING_OBJECTIVE: Quantity = Quantity::within("training objective", 1e-8, "rel");
+const LOSSES: Quantity = Quantity::within("training losses", 1e-8, "rel");
+const CONTROL_GRADIENTS: Quantity = Quantity::within("gradients by controls", 1e-6, "rel");
+const PREDICTION_GRADIENTS: Quantity = Quantity::within("gradients by predictions", 1e-6, "rel");
+const WEIGHT_GRADIENTS: Quantity = Quantity::within("gradients by weights", 1e-6, "rel");
 
-    /// Those of a case.
-    pub const OF_CASES: [Self; 20] = [
-        Q::InitialTrajectory,
-        Q::NearestSamples,
-        Q::Frenet,
-        Q::Residuals,
-        Q::Jacobian,
-        Q::NormalEquations,
-        Q::TeacherForcedSteps,
-        Q::ObjectiveHistory,
-        Q::Iterations,
-        Q::BestControls,
-        Q::BestTrajectory,
-        Q::DrivenTrajectory,
-        Q::TrainingStatus,
-        Q::TrainingControls,
-        Q::TrainingTrajectory,
-        Q::TrainingObjective,
-        Q::Losses,
-        Q::ControlGradients,
-        Q::PredictionGradients,
-        Q::WeightGradients,
-    ];
+pub(super) const LOOP_CONTROLS: Quantity = Quantity::within("closed loop, first control", 1e-3, "abs");
+pub(super) const LOOP_POSES: Quantity = Quantity::within("closed loop, first pose", 1e-5, "abs");
+pub(super) const LOOP_OBJECTIVES: Quantity = Quantity::within("closed loop, objective", 1e-4, "rel");
 
-    /// What it is called, how its deviation is measured, and the tolerance.
-    const fn about(self) -> (&'static str, &'static str, f64) {
-        match self {
-            Q::InitialTrajectory => ("initial trajectory", "abs", 1e-10),
-            Q::NearestSamples => ("nearest samples", "", 0.0),
-            Q::Frenet => ("Frenet coordinates", "abs", 1e-10),
-            Q::Residuals => ("initial residuals", "abs", 1e-10),
-            Q::Jacobian => ("Jacobian", "abs", 1e-10),
-            Q::NormalEquations => ("first step, J'Jd + J'r", "rel", 1e-9),
-            Q::TeacherForcedSteps => ("teacher-forced steps", "abs", 1e-8),
-            Q::ObjectiveHistory => ("objective history", "rel", 1e-7),
-            Q::Iterations => ("iterations and status", "", 0.0),
-            Q::BestControls => ("best controls", "abs", 1e-7),
-            Q::BestTrajectory => ("best trajectory", "abs", 1e-7),
-            Q::DrivenTrajectory => ("driven trajectory", "abs", 1e-7),
-            Q::TrainingStatus => ("training status", "", 0.0),
-            Q::TrainingControls => ("training controls", "abs", 1e-8),
-            Q::TrainingTrajectory => ("training trajectory", "abs", 1e-8),
-            Q::TrainingObjective => ("training objective", "rel", 1e-8),
-            Q::Losses => ("training losses", "rel", 1e-8),
-            Q::ControlGradients => ("gradients by controls", "rel", 1e-6),
-            Q::PredictionGradients => ("gradients by predictions", "rel", 1e-6),
-            Q::WeightGradients => ("gradients by weights", "rel", 1e-6),
-            Q::LoopControls => ("closed loop, first control", "abs", 1e-3),
-            Q::LoopPoses => ("closed loop, first pose", "abs", 1e-5),
-            Q::LoopObjectives => ("closed loop, objective", "rel", 1e-4),
-        }
-    }
+/// The quantities of a case, with the tolerances of the vectors' README.
+pub(super) const OF_CASES: [Quantity; 20] = [
+    INITIAL_TRAJECTORY,
+    NEAREST_SAMPLES,
+    FRENET,
+    RESIDUALS,
+    JACOBIAN,
+    NORMAL_EQUATIONS,
+    TEACHER_FORCED_STEPS,
+    OBJECTIVE_HISTORY,
+    ITERATIONS,
+    BEST_CONTROLS,
+    BEST_TRAJECTORY,
+    DRIVEN_TRAJECTORY,
+    TRAINING_STATUS,
+    TRAINING_CONTROLS,
+    TRAINING_TRAJECTORY,
+    TRAINING_OBJECTIVE,
+    LOSSES,
+    CONTROL_GRADIENTS,
+    PREDICTION_GRADIENTS,
+    WEIGHT_GRADIENTS,
+];
 
-    /// Its name.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        self.about().0
-    }
-
-    /// How its deviation is measured: `abs`, `rel`, or nothing where it counts differences. For gradients `rel` is
-    /// |a - b| / (|b| + 1e-3): 1e-6 relative and 1e-9 absolute.
-    #[must_use]
-    pub const fn measure(self) -> &'static str {
-        self.about().1
-    }
-
-    /// The tolerance of the vectors' README; 0 where it must be exact.
-    #[must_use]
-    pub const fn tolerance(self) -> f64 {
-        self.about().2
-    }
-
-    /// Whether this worst deviation is within tolerance. A quantity that no case has does not hold.
-    #[must_use]
-    pub fn holds(self, worst: &Worst) -> bool {
-        !worst.case.is_empty() && worst.deviation <= self.tolerance()
-    }
-}
+/// The quantities of a closed loop's episode.
+pub(super) const OF_EPISODES: [Quantity; 3] = [LOOP_CONTROLS, LOOP_POSES, LOOP_OBJECTIVES];
 
 /// The deviations of one case.
 pub(super) fn deviations(npz: &Npz, linear: LinearSolver) -> Result<Deviations, CaseError> {
@@ -139,28 +76,7 @@ pub(super) fn deviations(npz: &Npz, linear: LinearSolver) -> Result<Deviations, 
     Ok(found)
 }
 
-/// The largest |a - b|, each over the scale that `of` gives b.
-pub(super) fn worst(got: impl IntoIterator<Item = f64>, wanted: &[f64], of: impl Fn(f64) -> f64) -> f64 {
-    let mut worst = 0.0;
-    let mut count = 0;
-    for (got, wanted_now) in got.into_iter().zip(wanted) {
-        let deviation = (got - wanted_now).abs() / of(*wanted_now);
-        if deviation.is_nan() || deviation > worst {
-            worst = deviation;
-        }
-        count += 1;
-    }
-    if count == wanted.len() { worst } else { f64::INFINITY }
-}
-
-pub(super) fn absolute(_: f64) -> f64 {
-    1.0
-}
-
-pub(super) fn relative(wanted: f64) -> f64 {
-    wanted.abs().max(1e-12)
-}
-
+/// For gradients 1e-6 relative and 1e-9 absolute.
 fn gradient_scale(wanted: f64) -> f64 {
     wanted.abs() + 1e-3
 }
@@ -194,28 +110,31 @@ fn at_the_start(npz: &Npz, problem: &Problem, linear: LinearSolver, found: &mut 
     let mut at = Evaluation::default();
     at.evaluate(problem, &costing, &initial);
     let states = &at.motion.states;
-    found.push((Q::InitialTrajectory, worst(poses(states), npz.array("traj0", &[Some(STEPS), Some(4)])?, absolute)));
+    found.push((
+        INITIAL_TRAJECTORY,
+        worst_deviation(poses(states), npz.array("traj0", &[Some(STEPS), Some(4)])?, absolute),
+    ));
 
     let line = problem.line();
     let frenet = states.map(|s| line.frenet(s.x, s.y, 0));
     let nearest = npz.array("nearest0", &[Some(STEPS)])?;
-    found.push((Q::NearestSamples, worst(frenet.iter().map(|f| f.sample as f64), nearest, absolute)));
+    found.push((NEAREST_SAMPLES, worst_deviation(frenet.iter().map(|f| f.sample as f64), nearest, absolute)));
     let station = |sample: usize| 0.1 * (sample as f64 - 200.0);
     let own = npz.array("frenet_ego0", &[Some(STEPS), Some(2)])?;
-    let mut frenet_worst = worst(frenet.iter().flat_map(|f| [station(f.sample), f.lateral]), own, absolute);
+    let mut frenet_worst = worst_deviation(frenet.iter().flat_map(|f| [station(f.sample), f.lateral]), own, absolute);
     let others = npz.array("frenet_neighbors0", &[Some(KEY_STEPS.len()), Some(NEIGHBORS), Some(2)])?;
     for j in 0..NEIGHBORS {
         let Some(frenet) = problem.neighbor_frenet(j) else { continue };
         for (key, f) in frenet.iter().enumerate() {
             let other = &others[(key * NEIGHBORS + j) * 2..][..2];
-            frenet_worst = frenet_worst.max(worst([station(f.sample), f.lateral], other, absolute));
+            frenet_worst = frenet_worst.max(worst_deviation([station(f.sample), f.lateral], other, absolute));
         }
     }
-    found.push((Q::Frenet, frenet_worst));
+    found.push((FRENET, frenet_worst));
 
     let residuals = stacked(&at, problem.weights());
     let wanted = npz.array("residual_weighted", &[Some(residuals.len())])?;
-    found.push((Q::Residuals, worst(residuals.iter().copied(), wanted, absolute)));
+    found.push((RESIDUALS, worst_deviation(residuals.iter().copied(), wanted, absolute)));
 
     let wanted = npz.array("jacobian", &[Some(residuals.len()), Some(UNKNOWNS)])?;
     let ours = jacobian(&at, problem.weights());
@@ -231,7 +150,7 @@ fn at_the_start(npz: &Npz, problem: &Problem, linear: LinearSolver, found: &mut 
         let ours = &ours;
         (0..UNKNOWNS).map(move |column| row.map_or(0.0, |row| ours[(row, column)]))
     });
-    found.push((Q::Jacobian, worst(entries, wanted, absolute)));
+    found.push((JACOBIAN, worst_deviation(entries, wanted, absolute)));
 
     if npz.number("test_status")? >= 0.0 {
         let mut solver = Solver::new(linear);
@@ -239,7 +158,7 @@ fn at_the_start(npz: &Npz, problem: &Problem, linear: LinearSolver, found: &mut 
             Ok(step) => left_over(&step, wanted, npz.array("residual_weighted", &[None])?),
             Err(_) => f64::INFINITY,
         };
-        found.push((Q::NormalEquations, left_over));
+        found.push((NORMAL_EQUATIONS, left_over));
     }
     Ok(())
 }
@@ -256,7 +175,7 @@ fn left_over(step: &Controls, jacobian: &[f64], residuals: &[f64]) -> f64 {
             gradient[i] += row[i] * r;
         }
     }
-    worst(left, &[0.0; UNKNOWNS], absolute) / worst(gradient, &[0.0; UNKNOWNS], absolute).max(1.0)
+    worst_deviation(left, &[0.0; UNKNOWNS], absolute) / worst_deviation(gradient, &[0.0; UNKNOWNS], absolute).max(1.0)
 }
 
 fn test_configuration(
@@ -276,24 +195,24 @@ fn test_configuration(
             let deviation = match solver.step_at(problem, &settings.costing, &next) {
                 Ok(step) => {
                     next.add_scaled(0.2, &step);
-                    worst(next.interleaved(), &pair[1], absolute)
+                    worst_deviation(next.interleaved(), &pair[1], absolute)
                 }
                 Err(_) => f64::INFINITY,
             };
             steps = if deviation > steps { deviation } else { steps };
         }
-        found.push((Q::TeacherForcedSteps, steps));
+        found.push((TEACHER_FORCED_STEPS, steps));
     }
 
     let initial = controls(npz, "controls0")?;
     let Ok(summary) = solver.solve(problem, &settings, &initial) else {
-        found.push((Q::Iterations, f64::INFINITY));
+        found.push((ITERATIONS, f64::INFINITY));
         return Ok(());
     };
     let history = npz.array("test_objective_history", &[None])?;
-    found.push((Q::ObjectiveHistory, worst(solver.history().iter().copied(), history, relative)));
+    found.push((OBJECTIVE_HISTORY, worst_deviation(solver.history().iter().copied(), history, relative)));
     found.push((
-        Q::Iterations,
+        ITERATIONS,
         differences(&[
             (summary.iterations as f64, npz.number("test_iterations")?),
             (summary.best_after.saturating_sub(1) as f64, npz.number("test_best_iter")?),
@@ -303,14 +222,14 @@ fn test_configuration(
     ));
     let best = npz.array("test_best_controls", &[Some(STEPS), Some(2)])?;
     let last = npz.array("test_final_controls", &[Some(STEPS), Some(2)])?;
-    let deviation = worst(solver.best().interleaved(), best, absolute);
-    found.push((Q::BestControls, deviation.max(worst(solver.last().interleaved(), last, absolute))));
+    let deviation = worst_deviation(solver.best().interleaved(), best, absolute);
+    found.push((BEST_CONTROLS, deviation.max(worst_deviation(solver.last().interleaved(), last, absolute))));
     for (quantity, model, name) in [
-        (Q::BestTrajectory, BicycleModel::authors_planner(), "test_best_traj"),
-        (Q::DrivenTrajectory, BicycleModel::authors_test(), "test_best_traj_output"),
+        (BEST_TRAJECTORY, BicycleModel::authors_planner(), "test_best_traj"),
+        (DRIVEN_TRAJECTORY, BicycleModel::authors_test(), "test_best_traj_output"),
     ] {
         let states = trajectory(problem, &model, solver.best());
-        found.push((quantity, worst(poses(&states), npz.array(name, &[Some(STEPS), Some(4)])?, absolute)));
+        found.push((quantity, worst_deviation(poses(&states), npz.array(name, &[Some(STEPS), Some(4)])?, absolute)));
     }
     Ok(())
 }
@@ -341,28 +260,28 @@ fn training_configuration(
     let mut layer = Layer::new(LayerSettings::paper(), linear);
     let forward = layer.forward(problem, &controls(npz, "controls0")?);
     let fails = npz.number("train_status")? < 0.0;
-    found.push((Q::TrainingStatus, differences(&[(f64::from(forward.is_err()), f64::from(fails))])));
+    found.push((TRAINING_STATUS, differences(&[(f64::from(forward.is_err()), f64::from(fails))])));
     if fails || forward.is_err() {
         return Ok(());
     }
     let wanted = npz.array("train_controls", &[Some(STEPS), Some(2)])?;
-    found.push((Q::TrainingControls, worst(layer.controls().interleaved(), wanted, absolute)));
+    found.push((TRAINING_CONTROLS, worst_deviation(layer.controls().interleaved(), wanted, absolute)));
     let wanted = npz.array("train_traj", &[Some(STEPS), Some(4)])?;
-    found.push((Q::TrainingTrajectory, worst(poses(&layer.output().states), wanted, absolute)));
+    found.push((TRAINING_TRAJECTORY, worst_deviation(poses(&layer.output().states), wanted, absolute)));
     let objective = npz.number("train_objective")?;
-    found.push((Q::TrainingObjective, worst([layer.objective()], &[objective], relative)));
+    found.push((TRAINING_OBJECTIVE, worst_deviation([layer.objective()], &[objective], relative)));
 
     let target = npz.array("target", &[Some(STEPS), Some(3)])?;
     for name in ["simple", "train"] {
         let (loss, gradient) = loss(&layer, target, name == "train");
-        found.push((Q::Losses, worst([loss], &[npz.number(&format!("loss_{name}"))?], relative)));
+        found.push((LOSSES, worst_deviation([loss], &[npz.number(&format!("loss_{name}"))?], relative)));
         let mut by = Gradients::ZERO;
         if layer.backward(problem, &gradient, &mut by).is_err() {
-            found.push((Q::ControlGradients, f64::INFINITY));
+            found.push((CONTROL_GRADIENTS, f64::INFINITY));
             continue;
         }
         let wanted = npz.array(&format!("grad_{name}_controls"), &[Some(STEPS), Some(2)])?;
-        found.push((Q::ControlGradients, worst(by.controls.interleaved(), wanted, gradient_scale)));
+        found.push((CONTROL_GRADIENTS, worst_deviation(by.controls.interleaved(), wanted, gradient_scale)));
         let wanted = npz.array(&format!("grad_{name}_predictions"), &[Some(NEIGHBORS), Some(STEPS), Some(3)])?;
         let mut all = vec![0.0; NEIGHBORS * STEPS * 3];
         for (j, neighbor) in by.predictions.iter().enumerate() {
@@ -370,9 +289,9 @@ fn training_configuration(
                 all[(j * STEPS + t) * 3..][..2].copy_from_slice(&[*x, *y]);
             }
         }
-        found.push((Q::PredictionGradients, worst(all, wanted, gradient_scale)));
+        found.push((PREDICTION_GRADIENTS, worst_deviation(all, wanted, gradient_scale)));
         let wanted = npz.array(&format!("grad_{name}_weights"), &[Some(TERMS)])?;
-        found.push((Q::WeightGradients, worst(by.weights, wanted, gradient_scale)));
+        found.push((WEIGHT_GRADIENTS, worst_deviation(by.weights, wanted, gradient_scale)));
     }
     Ok(())
 }

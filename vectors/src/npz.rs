@@ -8,11 +8,10 @@ use thiserror::Error;
 
 /// An array: numbers in C order. Integers are read as floats.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Array {
+struct Array {
     /// Length along each axis; empty for a single number.
-    pub shape: Vec<usize>,
-    /// The numbers.
-    pub values: Vec<f64>,
+    shape: Vec<usize>,
+    values: Vec<f64>,
 }
 
 /// The arrays of one file, by name.
@@ -53,8 +52,8 @@ pub enum NpzError {
     },
 }
 
-/// No array is larger than this: a wrong length in a file must not take all memory.
-const LARGEST: usize = 1 << 30;
+/// All arrays of a file together unpack to no more bytes than this: a file of a few bytes must not take all memory.
+const LARGEST: usize = 1 << 28;
 
 impl Npz {
     /// Reads a file.
@@ -63,8 +62,21 @@ impl Npz {
     /// [`NpzError`] names the file and what is wrong with it.
     pub fn read(path: &Path) -> Result<Self, NpzError> {
         let bytes = fs::read(path).map_err(|source| NpzError::Io { path: path.to_owned(), source })?;
-        let arrays = parse_zip(&bytes).map_err(|what| NpzError::Malformed { path: path.to_owned(), what })?;
+        Self::parse(path, &bytes)
+    }
+
+    /// Reads a file's bytes; `path` is for errors alone.
+    ///
+    /// # Errors
+    /// [`NpzError::Malformed`].
+    pub fn parse(path: &Path, bytes: &[u8]) -> Result<Self, NpzError> {
+        let arrays = parse_zip(bytes).map_err(|what| NpzError::Malformed { path: path.to_owned(), what })?;
         Ok(Self { path: path.to_owned(), arrays })
+    }
+
+    /// Each array's name and length along each axis, by name.
+    pub fn shapes(&self) -> impl Iterator<Item = (&str, &[usize])> {
+        self.arrays.iter().map(|(name, array)| (name.as_str(), array.shape.as_slice()))
     }
 
     /// Whether there is such an array.
@@ -86,6 +98,14 @@ impl Npz {
         } else {
             Err(error(format!("has shape {:?}, but {shape:?} is needed", array.shape)))
         }
+    }
+
+    /// The numbers of an array in groups of `N`, in C order; a last group that is not whole is left out.
+    ///
+    /// # Errors
+    /// [`NpzError::Array`].
+    pub fn rows<const N: usize>(&self, name: &str, shape: &[Option<usize>]) -> Result<&[[f64; N]], NpzError> {
+        Ok(self.array(name, shape)?.as_chunks::<N>().0)
     }
 
     /// That this array is not as it should be.
@@ -110,6 +130,7 @@ fn parse_zip(bytes: &[u8]) -> Result<BTreeMap<String, Array>, String> {
     let entries = u16_at(bytes, end + 10).ok_or_else(cut)?;
     let mut at = u32_at(bytes, end + 16).ok_or_else(cut)?;
     let mut arrays = BTreeMap::new();
+    let mut left = LARGEST;
     for _ in 0..entries {
         if bytes.get(at..at + 4) != Some(b"PK\x01\x02") {
             return Err(format!("no directory entry at byte {at}"));
@@ -120,13 +141,14 @@ fn parse_zip(bytes: &[u8]) -> Result<BTreeMap<String, Array>, String> {
         let unpacked = u32_at(bytes, at + 24).ok_or_else(cut)?;
         let local = u32_at(bytes, at + 42).ok_or_else(cut)?;
         let name = bytes.get(at + 46..at + 46 + name_length).ok_or_else(cut)?;
-        let name = String::from_utf8_lossy(name).trim_end_matches(".npy").to_owned();
+        let name = String::from_utf8_lossy(name);
+        let name = name.strip_suffix(".npy").unwrap_or(&name).to_owned();
         at += 46 + name_length + extra + comment;
         let skip = 30 + u16_at(bytes, local + 26).ok_or_else(cut)? + u16_at(bytes, local + 28).ok_or_else(cut)?;
         let data = bytes.get(local + skip..).and_then(|rest| rest.get(..packed)).ok_or_else(cut)?;
-        if unpacked > LARGEST {
-            return Err(format!("{name} claims {unpacked} bytes"));
-        }
+        left = left
+            .checked_sub(unpacked.max(packed))
+            .ok_or_else(|| format!("{name} claims {unpacked} bytes, and all arrays together may have {LARGEST}"))?;
         let array = match method {
             0 => parse_npy(data),
             8 => miniz_oxide::inflate::decompress_to_vec_with_limit(data, unpacked)
@@ -189,7 +211,8 @@ fn chunks<const N: usize>(data: &[u8], number: impl Fn([u8; N]) -> f64) -> Vec<f
 }
 
 #[cfg(test)]
-mod tests {
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+pub(crate) mod tests {
     use super::*;
 
     fn npy(kind: &str, shape: &str, data: &[u8]) -> Vec<u8> {
@@ -199,6 +222,63 @@ mod tests {
         bytes.extend(header.as_bytes());
         bytes.extend(data);
         bytes
+    }
+
+    /// An archive of `pair` = [1, 2] and `number` = 2.5, both stored or both deflated.
+    pub(crate) fn archive(stored: bool) -> Vec<u8> {
+        let pair: Vec<u8> = [1_i32, 2].iter().flat_map(|v| v.to_le_bytes()).collect();
+        let arrays = [("pair", npy("<i4", "(2,)", &pair)), ("number", npy("<f8", "()", &2.5_f64.to_le_bytes()))];
+        let (mut bytes, mut directory) = (Vec::new(), Vec::new());
+        for (name, array) in &arrays {
+            let data = if stored { array.clone() } else { miniz_oxide::deflate::compress_to_vec(array, 6) };
+            let name = format!("{name}.npy");
+            let mut sizes = [data.len(), array.len()].map(|size| (size as u32).to_le_bytes()).concat();
+            sizes.extend((name.len() as u16).to_le_bytes());
+            sizes.extend([0; 2]);
+            let mut common = vec![20, 0, 0, 0, if stored { 0 } else { 8 }, 0];
+            common.extend([0; 8]); // time, date and checksum, which nobody reads
+            common.extend(sizes);
+            directory.extend(b"PK\x01\x02\x14\0");
+            directory.extend(&common);
+            directory.extend([0; 10]);
+            directory.extend((bytes.len() as u32).to_le_bytes());
+            directory.extend(name.as_bytes());
+            bytes.extend(b"PK\x03\x04");
+            bytes.extend(&common);
+            bytes.extend(name.as_bytes());
+            bytes.extend(data);
+        }
+        let start = bytes.len() as u32;
+        bytes.extend(&directory);
+        bytes.extend(b"PK\x05\x06\0\0\0\0\x02\0\x02\0");
+        bytes.extend((directory.len() as u32).to_le_bytes());
+        bytes.extend(start.to_le_bytes());
+        bytes.extend([0; 2]);
+        bytes
+    }
+
+    #[test]
+    fn an_archive_is_read_stored_or_deflated() {
+        for stored in [true, false] {
+            let npz = Npz::parse(Path::new("a.npz"), &archive(stored)).unwrap();
+            assert_eq!(npz.array("pair", &[None]).unwrap(), [1.0, 2.0]);
+            assert_eq!(npz.number("number").unwrap(), 2.5);
+            assert_eq!(npz.shapes().collect::<Vec<_>>(), [("number", &[][..]), ("pair", &[2])]);
+            assert_eq!(
+                npz.number("pair").unwrap_err().to_string(),
+                "a.npz: array pair has shape [2], but [] is needed"
+            );
+            assert_eq!(npz.rows::<2>("none", &[None]).unwrap_err().to_string(), "a.npz: array none is missing");
+        }
+    }
+
+    #[test]
+    fn an_archive_that_claims_too_much_is_refused() {
+        let mut bytes = archive(false);
+        let entry = bytes.windows(4).position(|window| window == b"PK\x01\x02").unwrap();
+        bytes[entry + 24..entry + 28].copy_from_slice(&u32::MAX.to_le_bytes());
+        let error = Npz::parse(Path::new("a.npz"), &bytes).unwrap_err().to_string();
+        assert_eq!(error, "a.npz: pair claims 4294967295 bytes, and all arrays together may have 268435456");
     }
 
     #[test]
