@@ -4,6 +4,7 @@
 //! | module | rule |
 //! | --- | --- |
 //! | [`collision`] | which contact, and whose fault |
+//! | [`discs`] | contact as the paper's code tests it |
 //! | [`time_to_collision`] | how soon, if all go on as they do |
 //! | [`level`] | what of the map is on the level of the route, bridges left out |
 //! | [`lanes`] | which lane the AV is in, whether wholly, whether against its direction |
@@ -11,6 +12,7 @@
 //! | [`red_light`] | whether the front bumper crosses a stop point that shows red |
 
 pub mod collision;
+pub mod discs;
 pub mod lanes;
 pub mod level;
 pub mod red_light;
