@@ -19,6 +19,7 @@ pub mod keys;
 pub mod node;
 pub mod proto;
 pub mod session;
+mod waiting;
 
 /// The version of messages, keys and their order. A node of another version is refused; raise it with every change that an
 /// older node would misread.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
 use prost::Message as _;
@@ -17,6 +17,7 @@ use crate::convert::{Message, MessageError, decode};
 use crate::keys::{Address, Channel, Role, Worker};
 use crate::proto;
 use crate::session::{self, SessionError};
+use crate::waiting;
 
 /// Answers that may wait in a line's inbox. An honest node sends one and waits for the next observation.
 const INBOX: usize = 64;
@@ -266,10 +267,8 @@ impl EpisodeLine {
         if self.inbox.flooded.load(Ordering::Relaxed) {
             return Err(LineError::Flooded);
         }
-        self.incoming.recv_timeout(until.saturating_duration_since(Instant::now())).map_err(|e| match e {
-            // The inbox holds a sender for as long as the line lives.
-            RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected => LineError::NoAnswer { role, deadline },
-        })
+        // The inbox holds a sender for as long as the line lives: what fails is that time is up.
+        waiting::receive(&self.incoming, Some(until)).ok_or(LineError::NoAnswer { role, deadline })
     }
 
     /// Tells the nodes, and everybody who listens in.

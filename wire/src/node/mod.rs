@@ -32,6 +32,7 @@ pub use history::History;
 use crate::keys::{Address, Channel, Role, RunName, Worker};
 use crate::proto;
 use crate::session;
+use crate::waiting;
 
 /// All that is known at a step.
 #[derive(Clone, Copy, Debug)]
@@ -198,7 +199,7 @@ impl Desks {
 
 /// A worker's thread.
 fn attend(run: &RunName, session: &Session, mut desk: Desk, messages: &Receiver<(Address, ZBytes)>) {
-    for (address, payload) in messages {
+    while let Some((address, payload)) = waiting::receive(messages, None) {
         if address.channel == Channel::Observation && !desk.knows(&address.scene) {
             let scene = Address { channel: Channel::Scene, ..address.clone() };
             if let Some(bytes) = ask(session, &scene.key(run)) {
