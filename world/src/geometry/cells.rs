@@ -5,6 +5,9 @@ use super::Point;
 /// Cells along either axis at most; beyond that they are made larger.
 const MAX_CELLS_PER_AXIS: f64 = 512.0;
 
+/// Cells for each thing at most: a walk over a huge map of a few points must not pass through a void cell by cell.
+const MAX_CELLS_PER_THING: f64 = 16.0;
+
 /// Slack for the rounding of cell borders (m).
 const HAIR: f64 = 1e-6;
 
@@ -33,8 +36,9 @@ impl Cells {
         visit_cells: impl Fn(&Self, usize, &mut dyn FnMut(Cell)),
     ) -> Self {
         let (low, high) = bounds(points);
-        let extent = (high.x - low.x).max(high.y - low.y);
-        let cell = cell.max(extent / MAX_CELLS_PER_AXIS).max(1e-3);
+        let (width, height) = (high.x - low.x, high.y - low.y);
+        let sparse = (width * height / (MAX_CELLS_PER_THING * (count + 1) as f64)).sqrt();
+        let cell = cell.max(width.max(height) / MAX_CELLS_PER_AXIS).max(sparse).max(1e-3);
         let cells_along = |low: f64, high: f64| ((high - low) / cell) as usize + 1;
         let (columns, rows) = (cells_along(low.x, high.x), cells_along(low.y, high.y));
         let mut cells =
