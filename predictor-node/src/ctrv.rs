@@ -3,59 +3,91 @@
 //! With heading h, turn rate w and speed v at the observation: h_k = h + 0.1 w (k + 1), and each step goes 0.1 v in the
 //! direction h_k, for k = 0 to 49. The authors' own baseline (`dipp/closed-loop.md`, section 9).
 
+use std::f32::consts::{PI, TAU};
+
 use wire::node::{Predictor, PredictorFactory, StepInput};
 use world::geometry::{Point, Pose, angle_difference, wrap_angle};
 use world::observation::{Briefing, ObservedAgent};
 use world::plan::{Future, PLAN_STEPS, PredictedTrajectory, STEP_SECONDS, UncheckedPrediction};
+use world::scene::AgentState;
 
 /// Turn rates are clipped to this magnitude (rad/s).
 const LARGEST_TURN_RATE: f64 = 0.5;
 
 /// How an agent's turn rate is taken from its last two headings.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum TurnRate {
     /// From the turn between them, in [-pi, pi)
-    #[default]
     Wrapped,
-    /// As the authors' code: the difference of headings wrapped in the AV's frame, itself not wrapped; oncoming agents turn where their heading passes pi
+    /// As the authors' code: the difference of headings wrapped in the AV's frame, itself not wrapped, all in single precision; oncoming agents turn where their heading passes pi
     Authors,
 }
 
 impl TurnRate {
-    /// The turn rate (rad/s) of an agent whose heading was `before` and is `now`, seen from an AV that heads to `av`.
-    fn of(self, before: f64, now: f64, av: f64) -> f64 {
-        let turn = match self {
-            Self::Wrapped => angle_difference(before, now),
-            Self::Authors => wrap_angle(now - av) - wrap_angle(before - av),
-        };
-        (turn / STEP_SECONDS).clamp(-LARGEST_TURN_RATE, LARGEST_TURN_RATE)
+    /// That of a protocol.
+    fn of(protocol: &str) -> Self {
+        if protocol == "paper" { Self::Authors } else { Self::Wrapped }
     }
 }
 
-/// The predictor `ctrv`.
-pub struct Ctrv(pub TurnRate);
+/// The predictor `ctrv`: the turn rate is taken this way, or where none is given as the protocol's rules say.
+pub struct Ctrv(pub Option<TurnRate>);
 
 impl PredictorFactory for Ctrv {
-    fn start(&self, _: &Briefing) -> Result<Box<dyn Predictor>, String> {
-        Ok(Box::new(Self(self.0)))
+    fn start(&self, briefing: &Briefing) -> Result<Box<dyn Predictor>, String> {
+        Ok(Box::new(self.0.unwrap_or_else(|| TurnRate::of(&briefing.protocol))))
     }
 }
 
-impl Predictor for Ctrv {
+impl Predictor for TurnRate {
     fn predict(&mut self, step: &StepInput<'_>) -> Result<UncheckedPrediction, String> {
         let observation = step.observation;
         let trajectory = |agent: &ObservedAgent| {
-            let now = agent.state.heading;
-            // One that was not seen before keeps its heading.
             let before = observation.log_index.checked_sub(1).and_then(|index| step.history.state(agent.track, index));
-            let before = before.map_or(now, |state| state.heading);
-            let turn_rate = self.0.of(before, now, observation.av.heading);
-            PredictedTrajectory { track: agent.track, poses: poses(agent.state.pose(), agent.state.speed(), turn_rate) }
+            // One that was not seen before keeps its heading: the authors fill in what it left out.
+            let before = before.unwrap_or(&agent.state);
+            let poses = match self {
+                Self::Wrapped => wrapped(before, &agent.state),
+                Self::Authors => authors(before, &agent.state, observation.av.pose()),
+            };
+            PredictedTrajectory { track: agent.track, poses }
         };
         let trajectories: Vec<PredictedTrajectory> = observation.agents.iter().map(trajectory).collect();
         let futures = if trajectories.is_empty() { vec![] } else { vec![Future { probability: 1.0, trajectories }] };
         Ok(UncheckedPrediction { step: observation.step, futures, ..Default::default() })
     }
+}
+
+fn wrapped(before: &AgentState, now: &AgentState) -> Vec<Pose> {
+    poses(now.pose(), now.speed(), clipped(angle_difference(before.heading, now.heading)))
+}
+
+/// By the authors' numbers: single precision, but for the turning of places. A component that is exactly 0 in the log's frame is
+/// a missing one to them, and stays 0 in the AV's.
+fn authors(before: &AgentState, now: &AgentState, av: Pose) -> Vec<Pose> {
+    let heading = |state: &AgentState| {
+        let logged = state.heading as f32;
+        let turned = (logged - av.heading as f32 + PI).rem_euclid(TAU) - PI;
+        f64::from(if logged == 0.0 { 0.0 } else { turned })
+    };
+    let unless_missing = |logged: f32, own: f32| f64::from(if logged == 0.0 { 0.0 } else { own });
+    let (x, y) = (now.x as f32, now.y as f32);
+    let own = av.to_body(Point::new(f64::from(x), f64::from(y)));
+    let start = Pose::new(unless_missing(x, own.x as f32), unless_missing(y, own.y as f32), heading(now));
+    let (x, y) = (now.velocity_x as f32, now.velocity_y as f32);
+    let (cos, sin) = (libm::cos(av.heading) as f32, libm::sin(av.heading) as f32);
+    let velocity = Point::new(unless_missing(x, x * cos + y * sin), unless_missing(y, y * cos - x * sin));
+    let ahead = poses(start, velocity.norm(), clipped(start.heading - heading(before)));
+    let in_the_log = |own: &Pose| {
+        let place = av.to_world(own.position());
+        Pose::new(place.x, place.y, wrap_angle(own.heading + av.heading))
+    };
+    ahead.iter().map(in_the_log).collect()
+}
+
+/// The turn rate (rad/s) of this turn in a step.
+fn clipped(turn: f64) -> f64 {
+    (turn / STEP_SECONDS).clamp(-LARGEST_TURN_RATE, LARGEST_TURN_RATE)
 }
 
 fn poses(start: Pose, speed: f64, turn_rate: f64) -> Vec<Pose> {
@@ -96,13 +128,41 @@ mod tests {
         }
     }
 
+    fn agent(x: f64, y: f64, heading: f64, speed: f64) -> AgentState {
+        let velocity = Point::unit(heading) * speed;
+        AgentState { x, y, heading, velocity_x: velocity.x, velocity_y: velocity.y, ..AgentState::default() }
+    }
+
+    /// The turn rate of a trajectory (rad/s).
+    fn turn_rate(poses: &[Pose]) -> f64 {
+        angle_difference(poses[0].heading, poses[1].heading) / STEP_SECONDS
+    }
+
     #[test]
     fn a_heading_that_passes_pi_is_no_turn_unless_the_authors_rate_is_wanted() {
-        let (before, now) = (PI - 0.01, -PI + 0.01);
-        assert!((TurnRate::Wrapped.of(before, now, 0.0) - 0.2).abs() < 1e-9);
+        let (before, now) = (agent(9.0, 3.0, PI - 0.01, 5.0), agent(8.5, 3.0, -PI + 0.01, 5.0));
+        assert!((turn_rate(&wrapped(&before, &now)) - 0.2).abs() < 1e-9);
         // The authors': a spurious turn at the bound, to the other side.
-        assert_eq!(TurnRate::Authors.of(before, now, 0.0), -LARGEST_TURN_RATE);
-        // Away from pi the two agree.
-        assert!((TurnRate::Authors.of(0.1, 0.12, 0.3) - TurnRate::Wrapped.of(0.1, 0.12, 0.3)).abs() < 1e-12);
+        let av = Pose::new(0.0, 1.0, 0.0);
+        assert!((turn_rate(&authors(&before, &now, av)) + LARGEST_TURN_RATE).abs() < 1e-9);
+        // Away from pi the two agree, but for single precision.
+        let av = Pose::new(0.0, 1.0, 0.3);
+        let (before, now) = (agent(9.0, 3.0, 0.1, 5.0), agent(9.5, 3.0, 0.12, 5.0));
+        for (a, b) in authors(&before, &now, av).iter().zip(wrapped(&before, &now)) {
+            assert!(a.position().distance(b.position()) < 1e-3 && angle_difference(a.heading, b.heading).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn a_heading_of_exactly_zero_is_missing_to_the_authors() {
+        // In the AV's frame it should be -1; it stays 0 there, so the car is taken to go where the AV heads.
+        let (now, av) = (agent(9.0, 3.0, 0.0, 5.0), Pose::new(0.0, 1.0, 1.0));
+        assert!((authors(&now, &now, av)[0].heading - 1.0).abs() < 1e-9);
+        assert_eq!(wrapped(&now, &now)[0].heading, 0.0);
+    }
+
+    #[test]
+    fn only_under_paper_are_the_authors_rules_taken_by_themselves() {
+        assert_eq!((TurnRate::of("paper"), TurnRate::of("strict")), (TurnRate::Authors, TurnRate::Wrapped));
     }
 }

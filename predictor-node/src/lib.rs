@@ -30,11 +30,15 @@ pub enum PredictorKind {
 }
 
 impl PredictorKind {
-    /// The predictor's factory. `scenarios` is where predictors that read the log find it.
+    /// The predictor's factory. `scenarios` is where predictors that read the log find it; `turn_rate` is for `ctrv`, see there.
     ///
     /// # Errors
     /// [`SetError`] where the predictor needs the scene set and it cannot be opened.
-    pub fn factory(self, scenarios: &[String], turn_rate: TurnRate) -> Result<Arc<dyn PredictorFactory>, SetError> {
+    pub fn factory(
+        self,
+        scenarios: &[String],
+        turn_rate: Option<TurnRate>,
+    ) -> Result<Arc<dyn PredictorFactory>, SetError> {
         Ok(match self {
             Self::Ctrv => Arc::new(Ctrv(turn_rate)),
             Self::Oracle => Arc::new(Oracle::open(scenarios)?),
