@@ -4,12 +4,14 @@
 //! | module | what |
 //! | --- | --- |
 //! | [`paper`] | the paper's metrics, by its code |
+//! | [`open_loop`] | the paper's metrics of a plan that is not driven, by its code |
 //! | [`comfort`], [`savitzky_golay`] | nuPlan's comfort bounds and the filter in them |
 //! | [`nuplan`] | nuPlan's closed-loop score, by its code |
 
 pub mod comfort;
 mod drive;
 pub mod nuplan;
+pub mod open_loop;
 pub mod paper;
 pub mod savitzky_golay;
 

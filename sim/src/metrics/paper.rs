@@ -24,12 +24,23 @@ pub struct Comfort {
     pub lateral_acceleration: Option<f64>,
 }
 
-/// The comfort of the drive through `poses`, 0.1 s apart.
+/// The comfort of the drive through `poses`, 0.1 s apart. The velocity over a segment is taken in the body's frame at its start,
+/// as the authors' closed loop does.
 #[must_use]
 pub fn comfort(poses: &[Pose]) -> Comfort {
-    // Velocity over each segment, in the body's frame at its start: longitudinal, lateral.
+    comfort_in(poses, |pair| pair[0].heading)
+}
+
+/// The same with the velocity in the body's frame at the segment's end, as the authors' open-loop test does.
+#[must_use]
+pub fn comfort_by_ends(poses: &[Pose]) -> Comfort {
+    comfort_in(poses, |pair| pair[1].heading)
+}
+
+fn comfort_in(poses: &[Pose], heading: impl Fn(&[Pose]) -> f64) -> Comfort {
+    // Velocity over each segment: longitudinal, lateral.
     let velocities = poses.windows(2).map(|pair| {
-        let forward = Point::unit(pair[0].heading);
+        let forward = Point::unit(heading(pair));
         let velocity = (pair[1].position() - pair[0].position()) * (1.0 / STEP_SECONDS);
         (forward.dot(velocity), forward.cross(velocity))
     });
