@@ -65,7 +65,6 @@ fn deviations(path: &Path, linear: LinearSolver) -> Result<quantities::Deviation
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
 
