@@ -72,4 +72,57 @@ pub struct ReferenceWindow {
     pub first_sample: usize,
     /// Samples (counted from the window's first) at which a red signal's stop point lies on the line at this step, ascending.
     pub red_stops: Vec<u32>,
+    /// The one limit of all samples (m/s), where it does not follow the line's own; 0 where it is not known. The authors
+    /// take that of the lane under the AV for the whole line.
+    pub speed_limit: Option<f64>,
+}
+
+impl ReferenceWindow {
+    /// The speed limit at sample `index` of the line (m/s); 0 where it is not known.
+    #[must_use]
+    pub fn speed_limit_at(&self, index: usize) -> f64 {
+        self.speed_limit.unwrap_or_else(|| self.line.speed_limit[index])
+    }
+
+    /// The authors' fifth column of the line, a number a sample: 0 at a red stop point, else 1 on a crosswalk, else the speed
+    /// limit, in their single precision. So a limit that is not known reads as red, and one of 1 m/s as a crosswalk.
+    #[must_use]
+    pub fn authors_info(&self) -> Vec<f64> {
+        let samples = self.start..(self.start + self.samples).min(self.line.len());
+        let info = |k: usize| if self.line.crosswalk[k] { 1.0 } else { f64::from(self.speed_limit_at(k) as f32) };
+        let mut info: Vec<f64> = samples.map(info).collect();
+        for red in &self.red_stops {
+            if let Some(entry) = info.get_mut(*red as usize) {
+                *entry = 0.0;
+            }
+        }
+        info
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_authors_column_is_red_before_crosswalk_before_limit() {
+        let line = ReferenceLine {
+            x: vec![0.0; 6],
+            speed_limit: vec![10.1; 6],
+            crosswalk: vec![false, false, false, true, true, false],
+            ..ReferenceLine::default()
+        };
+        let mut window = ReferenceWindow {
+            line: Arc::new(line),
+            start: 1,
+            samples: 5,
+            first_sample: 1,
+            red_stops: vec![1, 2],
+            speed_limit: None,
+        };
+        let limit = f64::from(10.1_f32);
+        assert_eq!(window.authors_info(), [limit, 0.0, 0.0, 1.0, limit]);
+        window.speed_limit = Some(7.0);
+        assert_eq!(window.authors_info(), [7.0, 0.0, 0.0, 1.0, 7.0]);
+    }
 }

@@ -53,9 +53,7 @@ pub enum RouteStyle {
 #[derive(Clone, Debug, PartialEq, Error)]
 #[allow(missing_docs, reason = "the messages say it")]
 pub enum RouteError {
-    #[error(
-        "no lane matches the logged AV at log index {log_index} (paper: a lane point within 10 degrees of its heading)"
-    )]
+    #[error("no lane matches the AV at log index {log_index} (paper: a lane point within 10 degrees of its heading)")]
     NoLane { log_index: usize },
     #[error("no lane point lies behind the logged AV's first pose (the paper's construction needs one)")]
     NothingBehind,
@@ -182,7 +180,8 @@ impl Route {
     #[must_use]
     pub fn window(&self, nearest: usize, signals: &[Signal]) -> ReferenceWindow {
         let line = Arc::clone(&self.line);
-        let mut window = ReferenceWindow { line, start: 0, samples: 0, first_sample: 0, red_stops: Vec::new() };
+        let mut window =
+            ReferenceWindow { line, start: 0, samples: 0, first_sample: 0, red_stops: Vec::new(), speed_limit: None };
         self.move_window(&mut window, nearest, signals);
         window
     }

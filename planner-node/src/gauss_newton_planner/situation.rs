@@ -109,15 +109,7 @@ impl Situation {
 
     /// The authors' reading.
     fn fill_info(&mut self, window: &ReferenceWindow) {
-        let mut info: Vec<f64> = samples(window)
-            .map(|k| if window.line.crosswalk[k] { 1.0 } else { Rules::Paper.stored(window.line.speed_limit[k]) })
-            .collect();
-        for red in &window.red_stops {
-            if let Some(entry) = info.get_mut(*red as usize) {
-                *entry = 0.0;
-            }
-        }
-        let read = InfoColumn::read(&info, SAMPLES_BEHIND);
+        let read = InfoColumn::read(&window.authors_info(), SAMPLES_BEHIND);
         self.speed_target = read.speed_target;
         self.stop_distance = read.stop_distance;
     }

@@ -63,7 +63,14 @@ impl Road {
             control: Control::default(),
             agents: vec![],
             signals: vec![],
-            window: ReferenceWindow { line, start: 0, samples: 1200, first_sample: 0, red_stops: vec![] },
+            window: ReferenceWindow {
+                line,
+                start: 0,
+                samples: 1200,
+                first_sample: 0,
+                red_stops: vec![],
+                speed_limit: None,
+            },
         };
         Self { briefing, observation, prediction: UncheckedPrediction::default() }
     }

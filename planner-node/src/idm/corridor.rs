@@ -11,9 +11,8 @@ const COARSE: usize = 10;
 
 /// The window of the reference line, with the distance along it.
 pub struct Corridor<'a> {
+    window: &'a ReferenceWindow,
     line: &'a ReferenceLine,
-    /// First sample of the window in `line`.
-    start: usize,
     /// Distance of each sample from the window's first (m).
     stations: Vec<f64>,
     /// Curvature of each sample (1/m), averaged.
@@ -74,8 +73,8 @@ impl<'a> Corridor<'a> {
             stations.push(station);
         }
         let mut corridor = Self {
+            window,
             line,
-            start: window.start,
             stations,
             curvature: Vec::new(),
             red_stops: &window.red_stops,
@@ -102,17 +101,17 @@ impl<'a> Corridor<'a> {
 
     /// Heading at `sample` (rad).
     pub fn heading(&self, sample: usize) -> f64 {
-        self.line.heading[self.start + sample.min(self.len() - 1)]
+        self.line.heading[self.window.start + sample.min(self.len() - 1)]
     }
 
     /// Speed limit at `sample` (m/s); 0 where it is not known.
     pub fn speed_limit(&self, sample: usize) -> f64 {
-        self.line.speed_limit[self.start + sample.min(self.len() - 1)]
+        self.window.speed_limit_at(self.window.start + sample.min(self.len() - 1))
     }
 
     /// Height of the ground at `sample` (m).
     pub fn height(&self, sample: usize) -> f64 {
-        self.line.z[self.start + sample.min(self.len() - 1)]
+        self.line.z[self.window.start + sample.min(self.len() - 1)]
     }
 
     /// First sample at or after `station` (m); the last one past the end.
@@ -133,7 +132,7 @@ impl<'a> Corridor<'a> {
     }
 
     fn at(&self, sample: usize) -> Point {
-        point(self.line, self.start + sample)
+        point(self.line, self.window.start + sample)
     }
 
     /// The sample nearest to `place`.

@@ -82,6 +82,7 @@ impl Drive {
             samples: (line.x.len() - start).min(1200),
             first_sample: start,
             red_stops: red.map(|sample| (sample - start) as u32).into_iter().collect(),
+            speed_limit: None,
         };
         let agents = self.agents.iter().enumerate();
         let observation = world::observation::Observation {

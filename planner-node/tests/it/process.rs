@@ -51,7 +51,14 @@ fn observation(step: u32) -> Observation {
         control: Default::default(),
         agents: vec![],
         signals: vec![],
-        window: ReferenceWindow { line: line(), start: 0, samples: 1200, first_sample: 0, red_stops: vec![] },
+        window: ReferenceWindow {
+            line: line(),
+            start: 0,
+            samples: 1200,
+            first_sample: 0,
+            red_stops: vec![],
+            speed_limit: None,
+        },
     }
 }
 

@@ -25,11 +25,20 @@ impl From<&Observation> for proto::Observation {
             control: Some(observation.control.into()),
             agents: observation.agents.iter().map(proto::Agent::from).collect(),
             signals: observation.signals.iter().map(proto::Signal::from).collect(),
-            window: Some(line_message(&window.line, window.start..window.start.saturating_add(window.samples))),
+            window: Some(window_message(window)),
             window_first_sample: u32::try_from(window.first_sample).unwrap_or(u32::MAX),
             red_stops: window.red_stops.clone(),
         }
     }
+}
+
+/// The stretch of the line, with the limits that hold at this step.
+fn window_message(window: &ReferenceWindow) -> proto::ReferenceLine {
+    let mut message = line_message(&window.line, window.start..window.start.saturating_add(window.samples));
+    if let Some(limit) = window.speed_limit {
+        message.speed_limit.fill(limit);
+    }
+    message
 }
 
 impl TryFrom<proto::Observation> for Observation {
@@ -60,6 +69,7 @@ fn observation(message: proto::Observation) -> Checked<Observation> {
             samples,
             first_sample: message.window_first_sample as usize,
             red_stops: message.red_stops,
+            speed_limit: None,
         },
     })
 }

@@ -81,6 +81,7 @@ fn observation() -> impl Strategy<Value = Observation> {
                 samples: line.x.len(),
                 first_sample: 77,
                 red_stops: vec![0, line.x.len() as u32 - 1],
+                speed_limit: None,
                 line: Arc::new(line),
             },
         },
@@ -275,6 +276,14 @@ fn honest_observation() -> proto::Observation {
         window: Some(line),
         ..Default::default()
     }
+}
+
+#[test]
+fn one_limit_for_the_whole_window_fills_its_column() {
+    let mut observation = Observation::try_from(honest_observation()).unwrap();
+    observation.window.speed_limit = Some(12.5);
+    let sent = Observation::try_from(proto::Observation::from(&observation)).unwrap();
+    assert_eq!((sent.window.line.speed_limit.as_slice(), sent.window.speed_limit), (&[12.5][..], None));
 }
 
 #[test]

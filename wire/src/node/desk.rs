@@ -216,6 +216,7 @@ pub(crate) mod tests {
                 samples: 0,
                 first_sample: 0,
                 red_stops: vec![],
+                speed_limit: None,
             },
         }
     }

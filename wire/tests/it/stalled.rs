@@ -83,6 +83,7 @@ fn observation(step: u32) -> Observation {
             samples: 1200,
             first_sample: 0,
             red_stops: vec![],
+            speed_limit: None,
         },
     }
 }
