@@ -1,4 +1,4 @@
-//! Straight on at the present speed, whatever comes.
+//! Straight on at the speed of the start, whatever comes.
 
 use wire::node::{Planner, PlannerFactory, StepInput};
 use world::geometry::Point;
@@ -10,14 +10,19 @@ pub struct ConstantVelocity;
 
 impl PlannerFactory for ConstantVelocity {
     fn start(&self, _: &Briefing) -> Result<Box<dyn Planner>, String> {
-        Ok(Box::new(Self))
+        Ok(Box::new(StraightOn { speed: None }))
     }
 }
 
-impl Planner for ConstantVelocity {
+struct StraightOn {
+    /// Speed of the first observation (m/s). What the simulator makes of a plan differs from it in the last bits.
+    speed: Option<f64>,
+}
+
+impl Planner for StraightOn {
     fn plan(&mut self, step: &StepInput<'_>) -> Result<UncheckedPlan, String> {
         let av = &step.observation.av;
-        let (heading, speed) = (av.heading, av.speed());
+        let (heading, speed) = (av.heading, *self.speed.get_or_insert(av.speed()));
         let forward = Point::unit(heading);
         let state = |k: usize| {
             let place = av.position() + forward * (speed * STEP_SECONDS * k as f64);

@@ -46,12 +46,14 @@ pub fn kind_name(kind: proto::AgentKind) -> &'static str {
 /// Whether an event is as bad as its kind sounds, or only worth a look.
 #[must_use]
 pub fn is_grave(event: &proto::Event) -> bool {
-    use proto::event::Kind;
+    use proto::event::{Contact, Kind};
     let counts = matches!(
         event.kind(),
         Kind::Collision | Kind::OffRoute | Kind::OffRoad | Kind::RedLight | Kind::WrongWay | Kind::DriverFailed
     );
-    counts && !event.netted && (event.kind() != Kind::Collision || event.at_fault)
+    // Where nobody asks how the two met, as under `paper`, nobody asks whose fault it was.
+    let blameless = event.contact() != Contact::Unspecified && !event.at_fault;
+    counts && !event.netted && (event.kind() != Kind::Collision || !blameless)
 }
 
 /// How an episode ended, in a sentence.
@@ -66,6 +68,7 @@ pub fn end_sentence(end: &proto::EpisodeEnd) -> String {
         EndReason::OffRoute => "off route",
         EndReason::Undrivable => "undrivable",
         EndReason::DriverFailed => "driver failed",
+        EndReason::RouteLost => "route lost",
     };
     let steps = end.steps;
     if end.detail.is_empty() {

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use sim::episode::Episode;
 use sim::episode::driver::Driver;
-use sim::episode::traffic::Traffic;
+use sim::episode::strict::traffic::Traffic;
 use sim::protocol::{EndingCollision, Protocol, StrictSettings};
 use world::geometry::Point;
 use world::plan::Plan;

@@ -55,10 +55,10 @@ pub struct RunArgs {
     pub label: Option<String>,
 
     /// The rules of an episode
-    #[arg(long, value_enum, default_value_t = ProtocolName::Strict, help_heading = "What to drive")]
+    #[arg(long, value_enum, default_value_t, help_heading = "What to drive")]
     pub protocol: ProtocolName,
 
-    /// How the AV follows its plan [default: bicycle; playback for the driver `human`]
+    /// How the AV follows its plan under `strict` [default: bicycle; playback for the driver `human`]
     #[arg(long, value_enum, help_heading = "What to drive")]
     pub motion: Option<MotionName>,
 
@@ -121,10 +121,13 @@ pub enum Planner {
 }
 
 /// Protocols.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum ProtocolName {
     /// What an evaluator should believe
+    #[default]
     Strict,
+    /// The simulator of the DIPP paper, quirk for quirk
+    Paper,
 }
 
 /// Ways for the AV to follow its plan.
@@ -143,7 +146,7 @@ pub enum Record {
     /// Every one
     #[default]
     All,
-    /// Those that end in a collision, off the route or with a failed driver
+    /// Those that end in a collision, off the route, without a route or with a failed driver
     Failures,
     /// None
     None,

@@ -17,7 +17,7 @@ pub struct Driver {
     pub planner_reads_log: bool,
     /// The predictor it wants.
     pub predictor: Predictor,
-    /// How the AV follows its plans, unless asked otherwise.
+    /// How the AV follows its plans under `strict`, unless asked otherwise.
     pub motion: MotionName,
 }
 

@@ -11,6 +11,8 @@ use world::vehicle::{BicycleModel, Limits, WHEELBASE};
 pub enum Protocol {
     /// What an evaluator should believe: a bicycle model, oriented boxes, every agent, fault classes.
     Strict(StrictSettings),
+    /// The authors' simulator, quirk for quirk: it exists to reproduce, so there is nothing to set.
+    Paper,
 }
 
 impl Default for Protocol {
@@ -25,6 +27,7 @@ impl Protocol {
     pub fn name(&self) -> &'static str {
         match self {
             Self::Strict(_) => "strict",
+            Self::Paper => "paper",
         }
     }
 
@@ -36,6 +39,7 @@ impl Protocol {
                 Motion::Bicycle => "bicycle",
                 Motion::Playback => "playback",
             },
+            Self::Paper => "first-pose",
         }
     }
 
@@ -44,6 +48,7 @@ impl Protocol {
     pub fn check(&self) -> Result<(), SettingError> {
         match self {
             Self::Strict(settings) => settings.check(),
+            Self::Paper => Ok(()),
         }
     }
 }
@@ -200,10 +205,11 @@ mod tests {
 
     #[test]
     fn settings_survive_toml_and_name_their_protocol() {
-        let protocol = Protocol::default();
-        let text = toml::to_string(&protocol).unwrap();
-        assert!(text.starts_with("name = \"strict\""), "{text}");
-        assert_eq!(toml::from_str::<Protocol>(&text).unwrap(), protocol);
+        for protocol in [Protocol::default(), Protocol::Paper] {
+            let text = toml::to_string(&protocol).unwrap();
+            assert!(text.starts_with(&format!("name = \"{}\"", protocol.name())), "{text}");
+            assert_eq!(toml::from_str::<Protocol>(&text).unwrap(), protocol);
+        }
     }
 
     #[test]

@@ -129,6 +129,10 @@ pub enum SettingsError {
     Label(String),
     #[error("{0:?} is no driver\nhint: `sim run --help` lists them")]
     Driver(String),
+    #[error(
+        "--motion has no meaning under the protocol paper: the AV is put on the plan's first pose\nhint: leave --motion out, or drive under --protocol strict"
+    )]
+    Motion,
     #[error("run.toml cannot be read: {0}\nhint: give another folder with --out, or remove this one")]
     Parse(#[from] toml::de::Error),
 }
@@ -164,12 +168,16 @@ impl Request {
             }
             (None, _) => name.to_owned(),
         };
-        let motion = match arguments.motion.unwrap_or(moves) {
-            MotionName::Bicycle => Motion::Bicycle,
-            MotionName::Playback => Motion::Playback,
-        };
         let protocol = match arguments.protocol {
-            ProtocolName::Strict => Protocol::Strict(StrictSettings { motion, ..StrictSettings::default() }),
+            ProtocolName::Strict => {
+                let motion = match arguments.motion.unwrap_or(moves) {
+                    MotionName::Bicycle => Motion::Bicycle,
+                    MotionName::Playback => Motion::Playback,
+                };
+                Protocol::Strict(StrictSettings { motion, ..StrictSettings::default() })
+            }
+            ProtocolName::Paper if arguments.motion.is_some() => return Err(SettingsError::Motion),
+            ProtocolName::Paper => Protocol::Paper,
         };
         let settings = Settings {
             driver,
@@ -321,6 +329,7 @@ pub(crate) mod tests {
             &["--driver", "human", "--predictor", "oracle", "--record", "none"],
             &["--planner-command", "python 'my planner.py' --fast", "--deadline", "250ms"],
             &["--planner", "external", "--endpoint", "tcp/127.0.0.1:7447", "--scenarios", "a", "b"],
+            &["--protocol", "paper"],
         ] {
             let file = run_file(arguments);
             let text = file.to_toml();
@@ -332,9 +341,20 @@ pub(crate) mod tests {
     fn the_human_is_played_back_and_all_others_steer() {
         for driver in drivers::DRIVERS {
             let settings = resolve(&["--driver", driver.name]).settings;
-            let Protocol::Strict(strict) = settings.protocol;
+            let Protocol::Strict(strict) = settings.protocol else { panic!("strict is the default") };
             assert_eq!(strict.motion == Motion::Playback, driver.name == "human");
         }
+    }
+
+    #[test]
+    fn under_paper_all_move_alike_and_motion_is_no_choice() {
+        for driver in drivers::DRIVERS {
+            let settings = resolve(&["--driver", driver.name, "--protocol", "paper"]).settings;
+            assert_eq!((&settings.protocol, settings.protocol.motion_name()), (&Protocol::Paper, "first-pose"));
+        }
+        let line = ["sim", "run", "--protocol", "paper", "--motion", "bicycle"];
+        let cli::Command::Run(arguments) = cli::Cli::parse_from(line).command else { panic!("not a run") };
+        assert!(matches!(Request::resolve(*arguments, 2), Err(SettingsError::Motion)));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, presets};
 
 use crate::cli::TableFormat;
+use crate::metrics::authors;
 use crate::summary::Summary;
 
 /// How a column's numbers are written.
@@ -38,6 +39,11 @@ const COLUMNS: &[Column] = &[
     Column(&["error", "@10 s", "m"], "position_error_10s_m", "position_error_10s_m", Show::Mean(2)),
     Column(&["nuPlan", "score", ""], "nuplan_score", "nuplan_score", Show::Mean(3)),
 ];
+
+/// The columns of a protocol's tables.
+fn columns(protocol: &str) -> impl Iterator<Item = &'static Column> {
+    COLUMNS.iter().filter(move |column| protocol != "paper" || authors::is_measured(column.2))
+}
 
 /// The tables of `runs`: one for each protocol among them, in the order in which they come.
 #[must_use]
@@ -108,11 +114,12 @@ fn body(runs: &[&Summary], head_separator: &str) -> Table {
     let number = |text: String| Cell::new(text).set_alignment(CellAlignment::Right);
     let mut table = Table::new();
     let counts = [head(&["epi-", "sodes", ""]), head(&["", "failed", ""])];
-    let columns = COLUMNS.iter().map(|column| head(column.0));
-    table.set_header(std::iter::once(Cell::new("driver")).chain(counts).chain(columns));
+    let columns: Vec<&Column> = runs.first().map(|run| columns(&run.protocol).collect()).unwrap_or_default();
+    let heads = columns.iter().map(|column| head(column.0));
+    table.set_header(std::iter::once(Cell::new("driver")).chain(counts).chain(heads));
     for run in runs {
         let counts = [number(run.counted().to_string()), number(run.failures.len().to_string())];
-        let values = COLUMNS.iter().map(|column| number(value(run, column)));
+        let values = columns.iter().map(|column| number(value(run, column)));
         table.add_row(std::iter::once(Cell::new(label(run, runs))).chain(counts).chain(values));
     }
     table.set_content_arrangement(ContentArrangement::Disabled);
@@ -154,13 +161,14 @@ fn notes(runs: &[&Summary], bullet: &str) -> String {
 
 fn csv(runs: &[&Summary]) -> String {
     let mut lines = String::from("run,driver,protocol,motion,episodes,failed");
-    COLUMNS.iter().for_each(|column| lines += &format!(",{}", column.1));
+    let columns: Vec<&Column> = runs.first().map(|run| columns(&run.protocol).collect()).unwrap_or_default();
+    columns.iter().for_each(|column| lines += &format!(",{}", column.1));
     lines.push('\n');
     for run in runs {
         let folder = quoted(&run.folder.to_string_lossy());
         lines += &format!("{folder},{},{},{}", run.driver, run.protocol, run.motion);
         lines += &format!(",{},{}", run.counted(), run.failures.len());
-        for column in COLUMNS {
+        for column in &columns {
             let scale = if matches!(column.3, Show::Percent) { 100.0 } else { 1.0 };
             lines += &run.mean(column.2).map_or_else(|| ",".to_owned(), |mean| format!(",{}", scale * mean));
         }
@@ -285,12 +293,27 @@ mod tests {
     }
 
     #[test]
+    fn under_paper_there_are_the_papers_columns_alone() {
+        let mut paper = run("idm", "first-pose", "runs/p");
+        paper.protocol = "paper".to_owned();
+        insta::assert_snapshot!(render(&[paper], TableFormat::Text), @"
+        driver idm, protocol paper, motion first-pose, 8 scenes
+
+        driver  epi-        colli-   off  pro-   acc.   jerk   lat. error error error
+               sodes failed   sion route gress                 acc.  @3 s  @5 s @10 s
+                                 %     %     m   m/s²   m/s³   m/s²     m     m     m
+        ──────────────────────────────────────────────────────────────────────────────
+        idm        8      0   12.5  12.5  16.7 14.286 12.500 11.111 10.00  9.09  8.33
+        ");
+    }
+
+    #[test]
     fn protocols_are_never_in_one_table() {
-        let mut paper = run("idm", "bicycle", "runs/p");
+        let mut paper = run("idm", "first-pose", "runs/p");
         paper.protocol = "paper".to_owned();
         let tables =
             render(&[run("idm", "bicycle", "runs/s"), paper, run("human", "playback", "runs/h")], TableFormat::Text);
         let titles: Vec<&str> = tables.lines().filter(|line| line.contains("protocol ")).collect();
-        assert_eq!(titles, ["protocol strict, 8 scenes", "driver idm, protocol paper, motion bicycle, 8 scenes"]);
+        assert_eq!(titles, ["protocol strict, 8 scenes", "driver idm, protocol paper, motion first-pose, 8 scenes"]);
     }
 }

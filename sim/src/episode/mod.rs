@@ -4,32 +4,31 @@
 //!
 //! | module | what |
 //! | --- | --- |
-//! | [`course`] | what stays the same over an episode; the reading of the AV against it; the human's own reading |
-//! | [`traffic`] | the other road users, step by step |
+//! | [`strict`] | the rules of `strict`: how the AV moves, what is judged, what ends the episode |
+//! | [`paper`] | the same of `paper` |
 //! | [`driver`] | driving an episode in one process |
 
-pub mod course;
 pub mod driver;
-mod referee;
-pub mod traffic;
+pub mod paper;
+pub mod strict;
 
 use std::sync::Arc;
 
 use thiserror::Error;
 use wire::proto::{self, EndReason};
-use world::geometry::{Point, angle_difference};
+use world::geometry::{Pose, angle_difference};
 use world::observation::{Briefing, HistoryStep, Observation, ObservedAgent};
 use world::plan::{Control, Plan, STEP_SECONDS};
-use world::route::{Route, RouteError, RouteStyle};
+use world::reference_line::ReferenceWindow;
+use world::route::{Route, RouteError};
 use world::scene::{AgentState, Scene};
-use world::vehicle::{BicycleModel, Limits, VehicleState};
+use world::signal::Signal;
+use world::vehicle::{VehicleState, WHEELBASE};
 
-use self::course::{Course, Human, Reader};
-use self::referee::{Moment, Referee};
-use crate::judges::Body;
-use crate::metrics::{self, Drive};
-use crate::protocol::{Motion, Protocol, SettingError, StrictSettings};
-use crate::tracker;
+use self::paper::Paper;
+use self::strict::Strict;
+use crate::metrics;
+use crate::protocol::{Protocol, SettingError};
 
 /// Why a scene cannot be driven under a protocol.
 #[derive(Debug, Error)]
@@ -99,27 +98,79 @@ pub struct Outcome {
 pub struct Episode {
     scene: Arc<Scene>,
     protocol: Protocol,
-    settings: StrictSettings,
-    /// Steps that will be driven at most.
+    /// Log index of step 0.
+    start: u32,
+    /// Steps that the protocol drives at most.
+    most_steps: u32,
+    /// As many, or fewer where the log ends before.
     horizon: u32,
-    vehicle: BicycleModel,
-    limits: Limits,
-    course: Course,
-    human: Human,
-    reader: Reader,
-    referee: Referee,
-    av: Body,
-    control: Control,
-    /// Height (m) of the AV's centre above the route's ground, as logged at the start.
-    height: f64,
-    /// Nearest sample of the reference line.
-    sample: usize,
-    start_station: f64,
+    rules: Rules,
     step: u32,
     records: Vec<proto::StepRecord>,
     events: Vec<proto::Event>,
     advance: Advance,
     detail: String,
+}
+
+/// What differs between the protocols, with the AV as each of them has it.
+#[derive(Clone, Debug)]
+enum Rules {
+    Strict(Box<Strict>),
+    Paper(Box<Paper>),
+}
+
+impl Rules {
+    fn wheelbase(&self) -> f64 {
+        match self {
+            Self::Strict(rules) => rules.wheelbase(),
+            Self::Paper(_) => WHEELBASE,
+        }
+    }
+
+    fn route(&self) -> &Route {
+        match self {
+            Self::Strict(rules) => rules.route(),
+            Self::Paper(rules) => rules.route(),
+        }
+    }
+
+    fn av(&self) -> &AgentState {
+        match self {
+            Self::Strict(rules) => rules.av(),
+            Self::Paper(rules) => rules.av(),
+        }
+    }
+
+    /// What brought the AV here; zero, or how the wheels stand, at the start.
+    fn control(&self) -> Control {
+        match self {
+            Self::Strict(rules) => rules.control(),
+            Self::Paper(rules) => rules.control(),
+        }
+    }
+
+    fn window(&self, signals: &[Signal]) -> ReferenceWindow {
+        match self {
+            Self::Strict(rules) => rules.window(signals),
+            Self::Paper(rules) => rules.sight().window.clone(),
+        }
+    }
+
+    /// Moves the AV by one step.
+    fn drive(&mut self, plan: &Plan) {
+        match self {
+            Self::Strict(rules) => rules.drive(plan),
+            Self::Paper(rules) => rules.drive(plan),
+        }
+    }
+
+    /// Judges the AV where it is now, and says whether that ends the episode.
+    fn judge(&mut self, scene: &Scene, log_index: usize, advance: &mut Advance) -> Option<EndReason> {
+        match self {
+            Self::Strict(rules) => rules.judge(log_index, advance),
+            Self::Paper(rules) => rules.judge(scene, log_index, advance),
+        }
+    }
 }
 
 impl Episode {
@@ -129,48 +180,38 @@ impl Episode {
     /// [`Undrivable`] says why there is nothing to drive.
     pub fn new(scene: Arc<Scene>, protocol: &Protocol) -> Result<Self, Undrivable> {
         protocol.check()?;
-        let Protocol::Strict(settings) = protocol.clone();
-        let start = settings.start as usize;
-        let end = scene.steps().min(start.saturating_add(settings.horizon as usize).saturating_add(1));
+        let (first, most_steps) = match protocol {
+            Protocol::Strict(settings) => (settings.start, settings.horizon),
+            Protocol::Paper => (paper::START, paper::MOST_STEPS),
+        };
+        let start = first as usize;
+        let end = scene.steps().min(start.saturating_add(most_steps as usize).saturating_add(1));
         if end < start + 2 {
             return Err(Undrivable::TooShort { steps: scene.steps(), needed: start + 1 });
         }
         let state = scene.av().states[start].ok_or(Undrivable::AvMissing { start })?;
-        let route = Route::of_log(&scene, RouteStyle::Strict)?;
-        let course = Course::of(&scene, route, &settings);
-        let human = Human::of(&scene, &course, start, end);
-        let vehicle = settings.vehicle(state.length);
-        let av = Body { speed: state.velocity().dot(Point::unit(state.heading)).max(0.0), ..Body::of(state) };
-        let mut reader = Reader::default();
-        let reading = reader.read(&course, start, &av);
-        let height = state.z - course.level.height(state.position()).unwrap_or(state.z);
+        let rules = match protocol {
+            Protocol::Strict(settings) => Rules::Strict(Box::new(Strict::new(&scene, settings.clone(), state, end)?)),
+            Protocol::Paper => Rules::Paper(Box::new(Paper::new(&scene, state)?)),
+        };
         let horizon = (end - 1 - start) as u32;
         Ok(Self {
-            control: Control { acceleration: 0.0, steering: logged_steering(&scene, start, &vehicle) },
-            referee: Referee::new(&scene, &course.traffic, vehicle.wheelbase),
-            limits: settings.limits(),
             protocol: protocol.clone(),
-            start_station: reading.station,
-            sample: reading.sample,
             records: Vec::with_capacity(horizon as usize),
             events: Vec::new(),
             advance: Advance::default(),
             detail: String::new(),
             step: 0,
-            scene,
-            settings,
+            start: first,
+            most_steps,
             horizon,
-            vehicle,
-            course,
-            human,
-            reader,
-            av,
-            height,
+            rules,
+            scene,
         })
     }
 
     fn log_index(&self) -> usize {
-        (self.settings.start + self.step) as usize
+        (self.start + self.step) as usize
     }
 
     fn agents_at(&self, log_index: usize) -> Vec<ObservedAgent> {
@@ -185,19 +226,19 @@ impl Episode {
     /// What a driver is told before the first step.
     #[must_use]
     pub fn briefing(&self) -> Briefing {
-        let history = (0..self.settings.start as usize).filter_map(|log_index| {
+        let history = (0..self.start as usize).filter_map(|log_index| {
             let av = self.scene.av().states[log_index]?;
             Some(HistoryStep { log_index: log_index as u32, av, agents: self.agents_at(log_index) })
         });
         Briefing {
             scene: self.scene.id().clone(),
             protocol: self.protocol.name().to_owned(),
-            start: self.settings.start,
+            start: self.start,
             horizon: self.horizon,
-            wheelbase: self.vehicle.wheelbase,
+            wheelbase: self.rules.wheelbase(),
             map: Arc::clone(self.scene.map()),
-            route: self.course.route.lanes.clone(),
-            reference_line: Arc::clone(&self.course.route.line),
+            route: self.rules.route().lanes.clone(),
+            reference_line: Arc::clone(&self.rules.route().line),
             history: history.collect(),
         }
     }
@@ -210,11 +251,11 @@ impl Episode {
         Observation {
             step: self.step,
             log_index: log_index as u32,
-            av: self.av.state,
-            control: self.control,
+            av: *self.rules.av(),
+            control: self.rules.control(),
             agents: self.agents_at(log_index),
             signals: signals.to_vec(),
-            window: self.course.route.window(self.sample, signals),
+            window: self.rules.window(signals),
         }
     }
 
@@ -229,48 +270,35 @@ impl Episode {
         if self.advance.ended.is_some() {
             return &self.advance;
         }
-        let before = self.av;
-        self.drive(plan);
         let log_index = self.log_index() + 1;
-        let reading = self.reader.read(&self.course, log_index, &self.av);
-        self.sample = reading.sample;
+        let heading = self.rules.av().heading;
+        self.rules.drive(plan);
+        let av = self.rules.av();
+        let human = self.scene.av().states[log_index];
         self.advance.events.clear();
-        let yaw_rate = angle_difference(before.state.heading, self.av.state.heading) / STEP_SECONDS;
         self.advance.record = proto::StepRecord {
             step: self.step,
             log_index: log_index as u32,
-            av: Some((&self.av.state).into()),
-            control: Some(self.control.into()),
-            yaw_rate,
-            position_error: self
-                .human
-                .body(log_index)
-                .map(|human| human.outline.center.distance(self.av.outline.center)),
+            av: Some(av.into()),
+            control: Some(self.rules.control().into()),
+            yaw_rate: angle_difference(heading, av.heading) / STEP_SECONDS,
+            position_error: human.map(|human| human.position().distance(av.position())),
             ..proto::StepRecord::default()
         };
-        let (course, human, av) = (&self.course, &self.human, &self.av);
-        let moment = Moment { course, human, log_index, av, reading: &reading };
-        self.referee.judge(&moment, &mut self.advance);
+        let ended = self.rules.judge(&self.scene, log_index, &mut self.advance);
+        if ended == Some(EndReason::RouteLost) {
+            self.detail = RouteError::NoLane { log_index }.to_string();
+        }
         self.step += 1;
-        self.advance.ended = self.reason_to_end();
+        self.advance.ended = ended.or_else(|| self.end_of_time());
         self.advance.record.events = self.advance.events.len() as u32;
         self.records.push(self.advance.record);
         self.events.extend_from_slice(&self.advance.events);
         &self.advance
     }
 
-    fn reason_to_end(&self) -> Option<EndReason> {
-        let record = &self.advance.record;
-        let collision = match self.settings.ending_collision {
-            crate::protocol::EndingCollision::AtFault => record.at_fault_collision,
-            crate::protocol::EndingCollision::Any => record.collision,
-            crate::protocol::EndingCollision::None => false,
-        };
-        if collision {
-            Some(EndReason::Collision)
-        } else if record.off_route {
-            Some(EndReason::OffRoute)
-        } else if self.step == self.settings.horizon {
+    fn end_of_time(&self) -> Option<EndReason> {
+        if self.step == self.most_steps {
             Some(EndReason::Horizon)
         } else if self.step == self.horizon {
             Some(EndReason::LogEnd)
@@ -279,46 +307,13 @@ impl Episode {
         }
     }
 
-    /// Moves the AV by one step.
-    fn drive(&mut self, plan: &Plan) {
-        let state = self.av.state;
-        let now = VehicleState { x: state.x, y: state.y, heading: state.heading, speed: self.av.speed };
-        let next = match self.settings.motion {
-            Motion::Bicycle => {
-                let steering = self.control.steering;
-                let wanted = plan.controls().and_then(|controls| controls.first().copied());
-                let wanted =
-                    wanted.unwrap_or_else(|| tracker::track(&now, steering, self.vehicle.wheelbase, plan.states()));
-                self.control = self.limits.apply(wanted, steering, STEP_SECONDS);
-                let next = self.vehicle.step(now, self.control, STEP_SECONDS);
-                // What braking did, where the AV came to a stop within the step.
-                self.control.acceleration = (next.speed - now.speed) / STEP_SECONDS;
-                next
-            }
-            Motion::Playback => {
-                let first = plan.states()[0];
-                let next = VehicleState { x: first.x, y: first.y, heading: first.heading, speed: first.speed.max(0.0) };
-                self.control = control_between(&now, &next, self.vehicle.wheelbase);
-                next
-            }
-        };
-        self.av = self.body_at(&next);
-    }
-
-    fn body_at(&self, vehicle: &VehicleState) -> Body {
-        let forward = Point::unit(vehicle.heading);
-        let place = Point::new(vehicle.x, vehicle.y);
-        let ground = self.course.level.height(place);
-        let state = AgentState {
-            x: vehicle.x,
-            y: vehicle.y,
-            z: ground.map_or(self.av.state.z, |ground| ground + self.height),
-            heading: vehicle.heading,
-            velocity_x: forward.x * vehicle.speed,
-            velocity_y: forward.y * vehicle.speed,
-            ..self.av.state
-        };
-        Body { speed: vehicle.speed, ..Body::of(state) }
+    /// What the authors' simulator sees now; none under another protocol.
+    #[must_use]
+    pub fn paper_sight(&self) -> Option<&paper::Sight> {
+        match &self.rules {
+            Rules::Strict(_) => None,
+            Rules::Paper(rules) => Some(rules.sight()),
+        }
     }
 
     /// Ends the episode: the driver failed for `reason`.
@@ -341,18 +336,15 @@ impl Episode {
     /// The outcome of what was driven.
     #[must_use]
     pub fn finish(self) -> Outcome {
-        let first = self.settings.start as usize + 1;
-        let human: Vec<_> = (first..first + self.records.len())
-            .map(|log_index| self.human.body(log_index).map(|body| body.state.pose()))
-            .collect();
-        let measured = metrics::measure(&Drive {
-            records: &self.records,
-            events: &self.events,
-            at_fault: self.referee.at_fault(),
-            human: &human,
-            start_station: self.start_station,
-            human_route_progress: self.human.route_progress(),
-        });
+        let human: Vec<Option<Pose>> =
+            self.scene.av().states.iter().map(|state| state.map(|state| state.pose())).collect();
+        let first = self.start as usize + 1;
+        let measured = match &self.rules {
+            Rules::Strict(rules) => {
+                rules.measure(&self.records, &self.events, &human[first..first + self.records.len()])
+            }
+            Rules::Paper(_) => metrics::authors::measure(&self.records, &human),
+        };
         let end = proto::EpisodeEnd {
             scene: self.scene.id().to_string(),
             protocol: self.protocol.name().to_owned(),
@@ -386,15 +378,4 @@ fn control_between(now: &VehicleState, next: &VehicleState, wheelbase: f64) -> C
 /// The steering angle (rad) at which a vehicle at `speed` (m/s) turns at `yaw_rate` (rad/s); 0 for one that hardly moves.
 fn steering_of(yaw_rate: f64, speed: f64, wheelbase: f64) -> f64 {
     if speed < 0.5 { 0.0 } else { libm::atan(wheelbase * yaw_rate / speed) }
-}
-
-/// How the wheels stand when the drive starts, read from the log of the last half second.
-fn logged_steering(scene: &Scene, start: usize, vehicle: &BicycleModel) -> f64 {
-    let states = &scene.av().states;
-    let Some((now, before)) = states[start].zip(start.checked_sub(5).and_then(|index| states[index])) else {
-        return 0.0;
-    };
-    let yaw_rate = angle_difference(before.heading, now.heading) / (5.0 * STEP_SECONDS);
-    let speed = 0.5 * (now.speed() + before.speed());
-    steering_of(yaw_rate, speed, vehicle.wheelbase).clamp(-vehicle.steering_clip, vehicle.steering_clip)
 }

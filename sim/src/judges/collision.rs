@@ -5,7 +5,7 @@ use wire::proto::event::Contact;
 use world::geometry::{OrientedBox, Point, boxes_overlap};
 
 use super::{Body, STOREY};
-use crate::episode::traffic::TrafficAgent;
+use crate::episode::strict::traffic::TrafficAgent;
 
 /// At most this speed (m/s) is standing.
 pub const STANDING_SPEED: f64 = 0.05;

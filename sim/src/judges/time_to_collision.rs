@@ -8,7 +8,7 @@ use world::geometry::{OrientedBox, Point};
 use world::plan::STEP_SECONDS;
 
 use super::Body;
-use crate::episode::traffic::TrafficAgent;
+use crate::episode::strict::traffic::TrafficAgent;
 
 /// Steps of the projection: 0.1 s to 2.9 s, as `numpy.arange(0.1, 3.0, 0.1)`.
 pub const HORIZON_STEPS: usize = 29;

@@ -118,7 +118,8 @@ impl Facts {
     }
 }
 
-fn pose(record: &proto::StepRecord) -> Pose {
+/// The AV after a step.
+pub(super) fn pose(record: &proto::StepRecord) -> Pose {
     let av = record.av.unwrap_or_default();
     Pose::new(av.x, av.y, av.heading)
 }

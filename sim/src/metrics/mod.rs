@@ -5,9 +5,11 @@
 //! | --- | --- |
 //! | [`paper`] | the paper's metrics, by its code |
 //! | [`open_loop`] | the paper's metrics of a plan that is not driven, by its code |
+//! | [`authors`] | which of all there are under `paper`, and where they are more forgiving there |
 //! | [`comfort`], [`savitzky_golay`] | nuPlan's comfort bounds and the filter in them |
 //! | [`nuplan`] | nuPlan's closed-loop score, by its code |
 
+pub mod authors;
 pub mod comfort;
 mod drive;
 pub mod nuplan;
@@ -29,7 +31,7 @@ pub struct Metric {
     value: fn(&Facts) -> Option<f64>,
 }
 
-/// All metrics of `drive`, in the order of [`METRICS`]; `None` where a metric is not defined.
+/// All metrics of a drive under `strict`, in the order of [`METRICS`]; `None` where a metric is not defined.
 #[must_use]
 pub fn measure(drive: &Drive<'_>) -> Vec<Option<f64>> {
     let facts = Facts::of(drive);

@@ -140,5 +140,6 @@ pub fn reason_name(reason: EndReason) -> &'static str {
         EndReason::OffRoute => "off-route",
         EndReason::Undrivable => "undrivable",
         EndReason::DriverFailed => "driver-failed",
+        EndReason::RouteLost => "route-lost",
     }
 }

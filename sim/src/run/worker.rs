@@ -290,7 +290,10 @@ impl Worker<'_> {
 
     /// With `--record failures`, removes the recording of an episode that went well.
     fn drop_unwanted_recording(&self, scene: &str, part: &mut Part) -> Result<(), String> {
-        let bad = matches!(part.reason(), EndReason::Collision | EndReason::OffRoute | EndReason::DriverFailed);
+        let bad = matches!(
+            part.reason(),
+            EndReason::Collision | EndReason::OffRoute | EndReason::RouteLost | EndReason::DriverFailed
+        );
         if !part.recorded || bad || self.shared.file.settings.record != Record::Failures {
             return Ok(());
         }

@@ -64,9 +64,10 @@ fn help_says_what_can_be_typed() {
                                        endpoint and run that the sim prints [possible values: external]
           --label <NAME>               What tables call the driver [default: its name]
           --protocol <PROTOCOL>        The rules of an episode [default: strict] [possible values:
-                                       strict]
-          --motion <MOTION>            How the AV follows its plan [default: bicycle; playback for the
-                                       driver `human`] [possible values: bicycle, playback]
+                                       strict, paper]
+          --motion <MOTION>            How the AV follows its plan under `strict` [default: bicycle;
+                                       playback for the driver `human`] [possible values: bicycle,
+                                       playback]
 
     How to run:
           --out <DIR>                 The run's folder [default: runs/DRIVER-PROTOCOL-N]; an unfinished
@@ -136,6 +137,13 @@ fn what_makes_no_sense_is_refused_with_code_2_and_a_hint() {
     --- stderr
     error: the driver's label "../evil" is not 1 to 64 of A-Z a-z 0-9 _ . -
     "#);
+    insta::assert_snapshot!(sim(path, &["run", "--protocol", "paper", "--motion", "bicycle"]), @"
+    code 2
+    --- stdout
+    --- stderr
+    error: --motion has no meaning under the protocol paper: the AV is put on the plan's first pose
+    hint: leave --motion out, or drive under --protocol strict
+    ");
     insta::assert_snapshot!(sim(path, &["run", "--scenarios", "nowhere"]), @"
     code 2
     --- stdout

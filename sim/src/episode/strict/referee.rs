@@ -6,9 +6,9 @@ use wire::proto::event::{Contact, Kind};
 use world::plan::STEP_SECONDS;
 use world::scene::{AgentKind, Scene, TrackId};
 
-use super::Advance;
 use super::course::{Course, Human, Reading};
 use super::traffic::{Traffic, TrafficAgent};
+use crate::episode::Advance;
 use crate::judges::collision::{classify, is_ahead, is_at_fault, is_behind, overlaps};
 use crate::judges::time_to_collision::{HORIZON_STEPS, LEAST_TIME_TO_COLLISION, STANDING_SPEED, time_to_collision};
 use crate::judges::{Body, STOREY};
