@@ -3,10 +3,8 @@
 //! With heading h, turn rate w and speed v at the observation: h_k = h + 0.1 w (k + 1), and each step goes 0.1 v in the
 //! direction h_k, for k = 0 to 49. The authors' own baseline (`dipp/closed-loop.md`, section 9).
 
-use std::f32::consts::{PI, TAU};
-
 use wire::node::{Predictor, PredictorFactory, StepInput};
-use world::geometry::{Point, Pose, angle_difference, wrap_angle};
+use world::geometry::{Point, Pose, angle_difference, wrap_angle, wrap_angle_single};
 use world::observation::{Briefing, ObservedAgent};
 use world::plan::{Future, PLAN_STEPS, PredictedTrajectory, STEP_SECONDS, UncheckedPrediction};
 use world::scene::AgentState;
@@ -67,8 +65,7 @@ fn wrapped(before: &AgentState, now: &AgentState) -> Vec<Pose> {
 fn authors(before: &AgentState, now: &AgentState, av: Pose) -> Vec<Pose> {
     let heading = |state: &AgentState| {
         let logged = state.heading as f32;
-        let turned = (logged - av.heading as f32 + PI).rem_euclid(TAU) - PI;
-        f64::from(if logged == 0.0 { 0.0 } else { turned })
+        f64::from(if logged == 0.0 { 0.0 } else { wrap_angle_single(logged - av.heading as f32) })
     };
     let unless_missing = |logged: f32, own: f32| f64::from(if logged == 0.0 { 0.0 } else { own });
     let (x, y) = (now.x as f32, now.y as f32);

@@ -13,7 +13,7 @@ mod situation;
 mod weights;
 
 use wire::node::{Planner, PlannerFactory, StepInput};
-use world::observation::{Briefing, Observation};
+use world::observation::Briefing;
 use world::plan::{Control, Diagnostics, PLAN_STEPS, PlanState, STEP_SECONDS, UncheckedPlan};
 use world::vehicle::{BicycleModel, Limits, VehicleState};
 
@@ -148,7 +148,7 @@ impl Planner for Drive {
             iterations: u32::try_from(summary.iterations).unwrap_or(u32::MAX),
             status: summary.status.name().to_owned(),
         };
-        let (states, controls) = self.rules.output(step.briefing, step.observation, &self.best);
+        let (states, controls) = self.rules.output(step, self.situation.speed(), &self.best);
         Ok(UncheckedPlan { step: step.observation.step, states, controls, diagnostics })
     }
 }
@@ -173,15 +173,16 @@ impl Rules {
         }
     }
 
-    /// The plan of these controls: under `paper` the poses of the authors' test model, else what the vehicle can follow.
-    fn output(self, briefing: &Briefing, observation: &Observation, best: &Controls) -> (Vec<PlanState>, Vec<Control>) {
-        let av = &observation.av;
-        let mut state = VehicleState { x: av.x, y: av.y, heading: av.heading, speed: av.speed() };
-        let mut wheel = observation.control.steering;
-        let model = match self {
-            Self::Paper => BicycleModel::authors_test(),
-            Self::Strict => BicycleModel::new(briefing.wheelbase),
+    /// The plan of these controls: under `paper` the poses of the authors' test model, from the speed (m/s) that was planned
+    /// with, else what the vehicle can follow.
+    fn output(self, step: &StepInput<'_>, speed: f64, best: &Controls) -> (Vec<PlanState>, Vec<Control>) {
+        let av = &step.observation.av;
+        let mut wheel = step.observation.control.steering;
+        let (model, speed) = match self {
+            Self::Paper => (BicycleModel::authors_test(), speed),
+            Self::Strict => (BicycleModel::new(step.briefing.wheelbase), av.speed()),
         };
+        let mut state = VehicleState { x: av.x, y: av.y, heading: av.heading, speed };
         let drive = |t: usize| {
             let control = match self {
                 Self::Paper => best.at(t),

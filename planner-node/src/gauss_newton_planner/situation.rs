@@ -1,7 +1,7 @@
 //! An observation and a prediction become a problem, in the AV's own frame.
 
 use wire::node::StepInput;
-use world::geometry::{Point, Pose};
+use world::geometry::{Point, Pose, wrap_angle_single};
 use world::observation::{Observation, ObservedAgent};
 use world::plan::{PLAN_STEPS, Prediction};
 use world::reference_line::{ReferenceWindow, SAMPLES_BEHIND};
@@ -84,7 +84,11 @@ impl Situation {
     fn fill_av(&mut self, rules: Rules, observation: &Observation) {
         let av = &observation.av;
         let velocity = Pose::new(0.0, 0.0, av.heading).to_body(Point::new(av.velocity_x, av.velocity_y));
-        let speed = libm::hypot(rules.stored(velocity.x), rules.stored(velocity.y));
+        // A component that is exactly 0 in the log's frame is a missing one to the authors, and stays 0 in the AV's.
+        let own = |logged: f64, own: f64| {
+            if rules == Rules::Paper && logged == 0.0 { 0.0 } else { rules.stored(own) }
+        };
+        let speed = libm::hypot(own(av.velocity_x, velocity.x), own(av.velocity_y, velocity.y));
         self.av = Vehicle {
             state: VehicleState { speed, ..VehicleState::default() },
             length: rules.stored(av.length),
@@ -103,7 +107,10 @@ impl Situation {
             let own = frame.pose_to_body(pose);
             self.line_x.push(rules.stored(own.x));
             self.line_y.push(rules.stored(own.y));
-            self.line_heading.push(rules.stored(own.heading));
+            self.line_heading.push(match rules {
+                Rules::Paper => f64::from(wrap_angle_single(pose.heading as f32 - frame.heading as f32)),
+                Rules::Strict => own.heading,
+            });
         }
     }
 
@@ -159,6 +166,12 @@ impl Situation {
                 })),
             }
         }
+    }
+
+    /// The AV's speed (m/s).
+    #[must_use]
+    pub fn speed(&self) -> f64 {
+        self.av.state.speed
     }
 
     /// Which track a neighbor of the problem is.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use wire::node::History;
 use world::geometry::Pose;
-use world::observation::ObservedAgent;
+use world::observation::{Observation, ObservedAgent};
 use world::plan::{Future, PredictedTrajectory, Prediction, UncheckedPrediction};
 use world::reference_line::{ReferenceLine, ReferenceWindow};
 use world::scene::{AgentKind, AgentState, SceneId, TrackId};
@@ -181,6 +181,18 @@ fn what_a_predictor_does_not_bring_is_asked_for_by_name() {
     assert_eq!(error, "the prediction has no initial controls; --init zero or idm needs none");
     let error = road.plan(Options { weights: Weights::Learned, ..Options::default() }).unwrap_err();
     assert_eq!(error, "the prediction has no cost weights; --weights hand-tuned needs none");
+}
+
+#[test]
+fn a_velocity_component_of_exactly_zero_is_missing_to_the_authors() {
+    // Due north at 8 m/s: what is 0 to the east stays 0 ahead, so the AV is taken to slide sideways, as fast as sideways is.
+    for (protocol, speed) in [("strict", 8.0), ("paper", 8.0 * libm::cos(1.5))] {
+        let mut road = Road::new(1.5, 8.0, protocol);
+        (road.observation.av.velocity_x, road.observation.av.velocity_y) = (0.0, 8.0);
+        let plan = road.plan(Options::default()).unwrap();
+        let first = plan.states[0].speed - 0.1 * plan.controls[0].acceleration;
+        assert!((first - speed).abs() < 1e-6, "{protocol}: {first}");
+    }
 }
 
 #[test]

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test may panic, and prints its table")]
 
 mod open_loop;
+mod planner;
 
 use std::path::Path;
 use std::sync::Arc;

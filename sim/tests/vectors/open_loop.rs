@@ -11,7 +11,6 @@ use world::geometry::{Point, Pose};
 use world::map_matching::LanePoints;
 use world::observation::{Briefing, HistoryStep, Observation, ObservedAgent};
 use world::plan::{Control, PLAN_STEPS, STEP_SECONDS};
-use world::reference_line::ReferenceWindow;
 use world::route::{Route, RouteStyle};
 use world::scene::{Scene, TrackId};
 use world::vehicle::{BicycleModel, VehicleState, WHEELBASE};
@@ -65,12 +64,6 @@ impl<'a> Road<'a> {
         Self { scene, route, lanes: LanePoints::new(scene.map(), |_| true) }
     }
 
-    /// The limit of the lane under the AV (m/s).
-    fn limit(&self, av: Pose) -> f64 {
-        let lane = self.lanes.authors_match(av).unwrap().lane;
-        self.scene.map().lanes[lane].speed_limit().unwrap_or(0.0)
-    }
-
     fn agents(&self, log_index: usize) -> Vec<ObservedAgent> {
         let others = self.scene.tracks().iter().enumerate().filter(|(track, _)| *track != self.scene.av_index());
         let seen = others.filter_map(|(_, track)| {
@@ -101,7 +94,9 @@ impl<'a> Road<'a> {
             history: vec![history],
         };
         let (nearest, _) = self.route.nearest_sample(av.position());
-        let window = self.route.window(nearest, scene.signals(frame));
+        let mut window = self.route.window(nearest, scene.signals(frame));
+        let lane = self.lanes.authors_match(av.pose()).unwrap().lane;
+        window.speed_limit = Some(scene.map().lanes[lane].speed_limit().unwrap_or(0.0));
         let signals = scene.signals(frame).to_vec();
         let control = Control::default();
         let agents = self.agents(frame);
@@ -143,7 +138,7 @@ fn compare(road: &Road<'_>, frame: usize, npz: &Npz, row: usize, report: &mut Re
     let line: Vec<Point> = (window.start..window.start + window.samples)
         .map(|sample| stored(av, window.line.pose(sample)).position())
         .collect();
-    let info = info(window, road.limit(av));
+    let info = window.authors_info();
     let logged: Vec<LoggedNeighbor<'_>> = neighbors
         .iter()
         .map(|neighbor| LoggedNeighbor {
@@ -237,14 +232,6 @@ fn neighbors(road: &Road<'_>, frame: usize, briefing: &Briefing, observation: &O
         }
     };
     agents.iter().map(neighbor).collect()
-}
-
-/// The authors' fifth column of the line.
-fn info(window: &ReferenceWindow, limit: f64) -> Vec<f64> {
-    let rows = window.start..window.start + window.samples;
-    let mut info: Vec<f64> = rows.map(|k| if window.line.crosswalk[k] { 1.0 } else { limit }).collect();
-    window.red_stops.iter().for_each(|red| info[*red as usize] = 0.0);
-    info
 }
 
 /// A pose in the AV's frame as the authors store it: in single precision before and after.

@@ -13,6 +13,13 @@ pub fn wrap_angle(angle: f64) -> f64 {
     if wrapped >= PI { wrapped - TAU } else { wrapped }
 }
 
+/// The same in single precision, rounded where NumPy rounds: what reproduces the paper's code needs its last bits.
+#[must_use]
+pub fn wrap_angle_single(angle: f32) -> f32 {
+    use std::f32::consts::{PI, TAU};
+    (angle + PI).rem_euclid(TAU) - PI
+}
+
 /// The turn (rad, in [-pi, pi)) that leads from heading `from` to heading `to`.
 #[must_use]
 pub fn angle_difference(from: f64, to: f64) -> f64 {
@@ -28,6 +35,13 @@ mod tests {
     #[test]
     fn half_a_turn_is_always_written_as_minus_pi() {
         assert_eq!((wrap_angle(PI), wrap_angle(-PI), wrap_angle(3.0 * PI)), (-PI, -PI, -PI));
+    }
+
+    #[test]
+    fn single_precision_wraps_as_numpy_does() {
+        // (np.float32(a) + np.float32(np.pi)) % np.float32(2 * np.pi) - np.float32(np.pi)
+        let wrapped = [0.1_f32, 3.5, -7.25, -std::f32::consts::PI].map(wrap_angle_single);
+        assert_eq!(wrapped, [0.099_999_905, -2.783_185_2, -0.966_814_3, -std::f32::consts::PI]);
     }
 
     proptest! {

@@ -14,7 +14,7 @@ mod polyline;
 mod segment;
 mod segment_grid;
 
-pub use angle::{angle_difference, wrap_angle};
+pub use angle::{angle_difference, wrap_angle, wrap_angle_single};
 pub use box_box::boxes_overlap;
 pub use oriented_box::OrientedBox;
 pub use point::{Point, Point3, Pose};
