@@ -24,6 +24,11 @@ pub enum Command {
     Run(Box<RunArgs>),
     /// Print the tables of finished runs
     Table(TableArgs),
+    /// Hold the protocol `paper` to vectors of the authors' simulator
+    ///
+    /// Drives the episodes that the folder holds and prints the worst deviation of each quantity beside its tolerance. Exits with
+    /// 1 when one is out.
+    Verify(VerifyArgs),
 }
 
 /// `sim run`.
@@ -100,6 +105,17 @@ pub struct TableArgs {
     /// How to print
     #[arg(long, value_enum, default_value_t)]
     pub format: TableFormat,
+}
+
+/// `sim verify`.
+#[derive(Debug, Args)]
+pub struct VerifyArgs {
+    /// Scenes, as for `sim run`; vectors of others are left aside
+    #[arg(long, required = true, value_name = "PATH", num_args = 1..)]
+    pub scenarios: Vec<String>,
+    /// Folder of the vectors: SCENE__route.npz, SCENE__human.npz, ...
+    #[arg(long, value_name = "DIR")]
+    pub vectors: PathBuf,
 }
 
 /// Predictors that the sim can start.

@@ -19,6 +19,7 @@
 //! | [`run`] | many episodes: workers, nodes, the run's folder |
 //! | [`results`] | what a run leaves |
 //! | [`summary`], [`table`] | runs in a line each |
+//! | [`verify`](mod@verify) | the protocol `paper` beside the authors' own numbers |
 
 pub mod cli;
 pub mod drivers;
@@ -33,4 +34,5 @@ pub mod settings;
 pub mod summary;
 pub mod table;
 pub mod tracker;
+pub mod verify;
 pub mod version;

@@ -10,13 +10,14 @@ use std::process::ExitCode;
 use std::thread;
 
 use clap::Parser;
-use sim::cli::{Cli, Command, RunArgs, TableArgs, TableFormat};
+use sim::cli::{Cli, Command, RunArgs, TableArgs, TableFormat, VerifyArgs};
 use sim::run::clock::{Clock, WallClock};
 use sim::run::console::Console;
 use sim::run::interrupt::{INTERRUPTED, Interrupts};
 use sim::run::{self, RunError};
 use sim::settings::Request;
 use sim::summary::Summary;
+use sim::verify::verify;
 use sim::{results, table};
 use tracing_subscriber::EnvFilter;
 
@@ -28,6 +29,7 @@ fn main() -> ExitCode {
     let done = match cli.command {
         Command::Run(arguments) => drive(*arguments, clock, &console),
         Command::Table(arguments) => print_tables(&arguments),
+        Command::Verify(arguments) => print_verdict(&arguments),
     };
     match done {
         Ok(code) => code,
@@ -73,6 +75,14 @@ fn print_tables(arguments: &TableArgs) -> anyhow::Result<ExitCode> {
     let runs = arguments.runs.iter().map(read).collect::<Result<Vec<_>, _>>()?;
     print(&table::render(&runs, arguments.format))?;
     Ok(ExitCode::SUCCESS)
+}
+
+fn print_verdict(arguments: &VerifyArgs) -> anyhow::Result<ExitCode> {
+    // These errors name their causes as sources; whoever prints the error prints one line.
+    let report = verify(&arguments.scenarios, &arguments.vectors)
+        .map_err(|error| anyhow::anyhow!("{:#}", anyhow::Error::from(error)))?;
+    print(&format!("{report}\n"))?;
+    Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 /// Prints to standard output. Whoever closed it has read enough: no error.

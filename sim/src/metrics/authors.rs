@@ -78,7 +78,6 @@ pub fn measure(records: &[proto::StepRecord], logged: &[Option<Pose>]) -> Vec<Op
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
 

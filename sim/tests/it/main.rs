@@ -30,9 +30,10 @@ fn help_says_what_can_be_typed() {
     Usage: sim [OPTIONS] <COMMAND>
 
     Commands:
-      run    Drive scenes and write a run folder
-      table  Print the tables of finished runs
-      help   Print this message or the help of the given subcommand(s)
+      run     Drive scenes and write a run folder
+      table   Print the tables of finished runs
+      verify  Hold the protocol `paper` to vectors of the authors' simulator
+      help    Print this message or the help of the given subcommand(s)
 
     Options:
       -v, --verbose...  Say more on standard error; twice for everything

@@ -10,6 +10,7 @@
 //! | `interrupt.rs` | Ctrl-C leaves nothing running |
 //! | `future.rs` | no message holds a logged state later than its step |
 //! | `redrive.rs` | the plans of a recording give its drive again |
+//! | `paper.rs` | under `paper` the nodes get the authors' numbers |
 //! | `real_scenes.rs` | real scenes come to a result, where they are at hand |
 //! | `stage.rs`, `recording.rs` | what they share: running programs, comparing folders, reading MCAP |
 
@@ -20,6 +21,7 @@ mod future;
 mod interrupt;
 mod killed;
 mod nodes;
+mod paper;
 mod real_scenes;
 mod recorder;
 mod recording;

@@ -42,6 +42,11 @@ fn a_recorded_drive_is_driven_again_to_the_bit() {
 }
 
 #[test]
+fn a_drive_recorded_under_paper_is_driven_again_to_the_bit() {
+    drive_again("idm --protocol paper");
+}
+
+#[test]
 fn a_recorded_log_is_played_back_again_to_the_bit() {
     drive_again("human");
 }
