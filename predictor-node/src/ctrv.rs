@@ -4,7 +4,8 @@
 //! direction h_k, for k = 0 to 49. The authors' own baseline (`dipp/closed-loop.md`, section 9).
 
 use wire::node::{Predictor, PredictorFactory, StepInput};
-use world::geometry::{Point, Pose, angle_difference, wrap_angle, wrap_angle_single};
+use world::authors_frame;
+use world::geometry::{Point, Pose, angle_difference, wrap_angle};
 use world::observation::{Briefing, ObservedAgent};
 use world::plan::{Future, PLAN_STEPS, PredictedTrajectory, STEP_SECONDS, UncheckedPrediction};
 use world::scene::AgentState;
@@ -60,21 +61,11 @@ fn wrapped(before: &AgentState, now: &AgentState) -> Vec<Pose> {
     poses(now.pose(), now.speed(), clipped(angle_difference(before.heading, now.heading)))
 }
 
-/// By the authors' numbers: single precision, but for the turning of places. A component that is exactly 0 in the log's frame is
-/// a missing one to them, and stays 0 in the AV's.
+/// By the authors' numbers, in the AV's frame.
 fn authors(before: &AgentState, now: &AgentState, av: Pose) -> Vec<Pose> {
-    let heading = |state: &AgentState| {
-        let logged = state.heading as f32;
-        f64::from(if logged == 0.0 { 0.0 } else { wrap_angle_single(logged - av.heading as f32) })
-    };
-    let unless_missing = |logged: f32, own: f32| f64::from(if logged == 0.0 { 0.0 } else { own });
-    let (x, y) = (now.x as f32, now.y as f32);
-    let own = av.to_body(Point::new(f64::from(x), f64::from(y)));
-    let start = Pose::new(unless_missing(x, own.x as f32), unless_missing(y, own.y as f32), heading(now));
-    let (x, y) = (now.velocity_x as f32, now.velocity_y as f32);
-    let (cos, sin) = (libm::cos(av.heading) as f32, libm::sin(av.heading) as f32);
-    let velocity = Point::new(unless_missing(x, x * cos + y * sin), unless_missing(y, y * cos - x * sin));
-    let ahead = poses(start, velocity.norm(), clipped(start.heading - heading(before)));
+    let start = authors_frame::pose(now, av);
+    let speed = authors_frame::velocity(now, av).norm();
+    let ahead = poses(start, speed, clipped(start.heading - authors_frame::heading(before, av)));
     let in_the_log = |own: &Pose| {
         let place = av.to_world(own.position());
         Pose::new(place.x, place.y, wrap_angle(own.heading + av.heading))

@@ -12,7 +12,9 @@
 //! | [`frenet`] | along the line and beside it |
 //! | [`vehicle`] | how the AV moves: the kinematic bicycle model and its limits |
 //! | [`observation`], [`plan`] | what a driver is told and what it answers |
+//! | [`authors_frame`] | states in the AV's frame by the paper's code, to its last bit |
 
+pub mod authors_frame;
 pub mod frenet;
 pub mod geometry;
 pub mod lane_graph;

@@ -1,6 +1,7 @@
 //! An observation and a prediction become a problem, in the AV's own frame.
 
 use wire::node::StepInput;
+use world::authors_frame;
 use world::geometry::{Point, Pose, wrap_angle_single};
 use world::observation::{Observation, ObservedAgent};
 use world::plan::{PLAN_STEPS, Prediction};
@@ -83,12 +84,12 @@ impl Situation {
 
     fn fill_av(&mut self, rules: Rules, observation: &Observation) {
         let av = &observation.av;
-        let velocity = Pose::new(0.0, 0.0, av.heading).to_body(Point::new(av.velocity_x, av.velocity_y));
-        // A component that is exactly 0 in the log's frame is a missing one to the authors, and stays 0 in the AV's.
-        let own = |logged: f64, own: f64| {
-            if rules == Rules::Paper && logged == 0.0 { 0.0 } else { rules.stored(own) }
+        let velocity = match rules {
+            Rules::Paper if observation.step == 0 => authors_frame::velocity(av, av.pose()),
+            Rules::Paper => authors_frame::driven_velocity(av),
+            Rules::Strict => Pose::new(0.0, 0.0, av.heading).to_body(av.velocity()),
         };
-        let speed = libm::hypot(own(av.velocity_x, velocity.x), own(av.velocity_y, velocity.y));
+        let speed = libm::hypot(velocity.x, velocity.y);
         self.av = Vehicle {
             state: VehicleState { speed, ..VehicleState::default() },
             length: rules.stored(av.length),
