@@ -30,10 +30,13 @@ pub fn velocity(state: &AgentState, av: Pose) -> Point {
     Point::new(unless_missing(x, x * cos + y * sin), unless_missing(y, y * cos - x * sin))
 }
 
-/// The velocity of the driven AV in its own frame. Its states are in double precision and rounded at the end; but the first one
-/// is a logged one: see [`velocity`].
+/// The velocity of the AV in its own frame at a step of its drive. At step 0 it is a logged one, see [`velocity`]; later states are in
+/// double precision and rounded at the end.
 #[must_use]
-pub fn driven_velocity(av: &AgentState) -> Point {
+pub fn av_velocity(av: &AgentState, step: u32) -> Point {
+    if step == 0 {
+        return velocity(av, av.pose());
+    }
     let own = Pose::new(0.0, 0.0, av.heading).to_body(av.velocity());
     let kept = |logged: f64, own: f64| if logged == 0.0 { 0.0 } else { f64::from(own as f32) };
     Point::new(kept(av.velocity_x, own.x), kept(av.velocity_y, own.y))
@@ -67,7 +70,7 @@ mod tests {
         let own = pose(&agent, av);
         assert!(own.position().distance(exact.position()) < 1e-5 && (own.heading - exact.heading).abs() < 1e-6);
         let exact = Pose::new(0.0, 0.0, av.heading).to_body(agent.velocity());
-        for own in [velocity(&agent, av), driven_velocity(&AgentState { heading: av.heading, ..agent })] {
+        for own in [velocity(&agent, av), av_velocity(&AgentState { heading: av.heading, ..agent }, 7)] {
             assert!(own.distance(exact) < 1e-5);
         }
     }
@@ -80,7 +83,7 @@ mod tests {
         assert!(own.y != 0.0 && own.heading != 0.0);
         assert_eq!((of_odd.y, of_odd.heading), (0.0, 0.0));
         assert!(of_odd.x != 0.0);
-        for velocity in [velocity(&odd, av), driven_velocity(&AgentState { heading: av.heading, ..odd })] {
+        for velocity in [velocity(&odd, av), av_velocity(&AgentState { heading: av.heading, ..odd }, 7)] {
             assert!(velocity.x == 0.0 && velocity.y != 0.0);
         }
     }

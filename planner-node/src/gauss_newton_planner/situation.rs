@@ -85,8 +85,7 @@ impl Situation {
     fn fill_av(&mut self, rules: Rules, observation: &Observation) {
         let av = &observation.av;
         let velocity = match rules {
-            Rules::Paper if observation.step == 0 => authors_frame::velocity(av, av.pose()),
-            Rules::Paper => authors_frame::driven_velocity(av),
+            Rules::Paper => authors_frame::av_velocity(av, observation.step),
             Rules::Strict => Pose::new(0.0, 0.0, av.heading).to_body(av.velocity()),
         };
         let speed = libm::hypot(velocity.x, velocity.y);

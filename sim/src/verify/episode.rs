@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use vectors::{Quantity, Report, absolute, worst_deviation};
 use wire::proto::StepRecord;
-use world::geometry::{Point, Pose, angle_difference, wrap_angle};
+use world::authors_frame;
+use world::geometry::{Point, Pose, angle_difference};
 use world::observation::Observation;
 use world::scene::{AgentState, Scene};
 
@@ -133,36 +134,24 @@ fn seen_line(sight: &Sight) -> [[f64; LINE_COLUMNS]; LINE_ROWS] {
     })
 }
 
-/// The AV and its neighbors in the AV's frame, zeros where there is none. Places of neighbors have single precision before they are
-/// moved to the AV's frame, and after.
+/// The AV and its neighbors in the AV's frame, zeros where there is none.
 fn seen_agents(scene: &Scene, observation: &Observation, sight: &Sight) -> [f64; CURRENT] {
     let mut numbers = [0.0; CURRENT];
+    let rows = numbers.as_chunks_mut::<8>().0;
+    let av = &observation.av;
+    rows[0] = seen_agent(Pose::default(), authors_frame::av_velocity(av, observation.step), av);
     let log_index = observation.log_index as usize;
     let neighbors = sight.neighbors.iter().filter_map(|track| scene.tracks()[*track].states[log_index]);
-    let neighbors = neighbors.map(|state| AgentState { x: single(state.x), y: single(state.y), ..state });
-    let rows = numbers.as_chunks_mut::<8>().0.iter_mut();
-    for (row, state) in rows.zip(std::iter::once(observation.av).chain(neighbors)) {
-        *row = seen_agent(&state, &observation.av);
+    for (row, state) in rows[1..].iter_mut().zip(neighbors) {
+        let frame = av.pose();
+        *row = seen_agent(authors_frame::pose(&state, frame), authors_frame::velocity(&state, frame), &state);
     }
     numbers
 }
 
-fn seen_agent(state: &AgentState, av: &AgentState) -> [f64; 8] {
-    let place = av.pose().to_body(state.position());
-    let frame = Pose::new(0.0, 0.0, av.heading);
-    let velocity = frame.to_body(state.velocity());
-    // What is 0 in the log's frame is missing to the authors, and stays 0.
-    let kept = |before: f64, value: f64| if before == 0.0 { 0.0 } else { single(value) };
-    [
-        kept(state.x, place.x),
-        kept(state.y, place.y),
-        kept(state.heading, wrap_angle(state.heading - av.heading)),
-        kept(state.velocity_x, velocity.x),
-        kept(state.velocity_y, velocity.y),
-        single(state.length),
-        single(state.width),
-        single(state.height),
-    ]
+fn seen_agent(pose: Pose, velocity: Point, state: &AgentState) -> [f64; 8] {
+    let [length, width, height] = [state.length, state.width, state.height].map(single);
+    [pose.x, pose.y, pose.heading, velocity.x, velocity.y, length, width, height]
 }
 
 fn compare_end(outcome: &Outcome, scene: &Scene, vector: &Vector, add: &mut impl FnMut(Quantity, f64)) {

@@ -7,6 +7,7 @@ use sim::metrics::open_loop::{LoggedNeighbor, OFF_ROUTE, OpenLoop, OpenLoopFrame
 use sim::metrics::paper::Comfort;
 use vectors::{Npz, Quantity, Report, absolute, worst_deviation};
 use wire::node::{History, PredictorFactory, StepInput};
+use world::authors_frame;
 use world::geometry::{Point, Pose};
 use world::map_matching::LanePoints;
 use world::observation::{Briefing, HistoryStep, Observation, ObservedAgent};
@@ -128,16 +129,17 @@ fn compare(road: &Road<'_>, frame: usize, npz: &Npz, row: usize, report: &mut Re
     let states = npz.rows::<8>("current_state", &[None, Some(NEIGHBORS + 1), Some(8)]).unwrap();
     let states = &states[row * (NEIGHBORS + 1)..];
     for (neighbor, state) in neighbors.iter().zip(&states[1..]) {
-        let own = stored(av, neighbor.agent.state.pose());
-        report.add(0, STATES, worst_deviation([own.x, own.y, own.heading], &state[..3], absolute), &place);
+        let logged = &neighbor.agent.state;
+        let (pose, velocity) = (authors_frame::pose(logged, av), authors_frame::velocity(logged, av));
+        let own = [pose.x, pose.y, pose.heading, velocity.x, velocity.y];
+        report.add(0, STATES, worst_deviation(own, &state[..5], absolute), &place);
     }
 
     let human: [Pose; PLAN_STEPS] =
-        std::array::from_fn(|k| stored(av, road.scene.av().states[frame + 1 + k].unwrap().pose()));
+        std::array::from_fn(|k| authors_frame::pose(&road.scene.av().states[frame + 1 + k].unwrap(), av));
     let window = &observation.window;
-    let line: Vec<Point> = (window.start..window.start + window.samples)
-        .map(|sample| stored(av, window.line.pose(sample)).position())
-        .collect();
+    let line: Vec<Point> =
+        (window.start..window.start + window.samples).map(|sample| stored(av, window.line.point(sample))).collect();
     let info = window.authors_info();
     let logged: Vec<LoggedNeighbor<'_>> = neighbors
         .iter()
@@ -227,20 +229,17 @@ fn neighbors(road: &Road<'_>, frame: usize, briefing: &Briefing, observation: &O
         Neighbor {
             track,
             agent: *agent,
-            logged: std::array::from_fn(|k| Some(stored(av, states[frame + 1 + k]?.pose()))),
+            logged: std::array::from_fn(|k| Some(authors_frame::pose(&states[frame + 1 + k]?, av))),
             predicted: std::array::from_fn(|k| av.to_body(predicted.poses[k].position())),
         }
     };
     agents.iter().map(neighbor).collect()
 }
 
-/// A pose in the AV's frame as the authors store it: in single precision before and after.
-fn stored(av: Pose, pose: Pose) -> Pose {
-    let single = |pose: Pose| {
-        let [x, y, heading] = [pose.x, pose.y, pose.heading].map(|value| f64::from(value as f32));
-        Pose::new(x, y, heading)
-    };
-    single(av.pose_to_body(single(pose)))
+/// A place in the AV's frame as the authors store it: in single precision before and after.
+fn stored(av: Pose, place: Point) -> Point {
+    let single = |place: Point| Point::new(f64::from(place.x as f32), f64::from(place.y as f32));
+    single(av.to_body(single(place)))
 }
 
 fn straight_on(speed: f64) -> [Pose; PLAN_STEPS] {
