@@ -9,6 +9,8 @@
 //! | `steering.rs` | the front wheels' angle |
 //!
 //! The plan is a rollout of the simulator's own vehicle model under these two laws, so its controls can be driven as they are.
+//! Under `paper` nothing but the first pose is driven, and its distance is the speed of the step: so there it is a rollout of the
+//! authors' test model, which moves at the new speed, and not at the one before.
 
 mod corridor;
 mod obstacles;
@@ -49,7 +51,10 @@ impl Planner for Idm {
         let obstacles = obstacles::in_the_way(&corridor, briefing, observation);
         let desired = DesiredSpeed::new(&corridor);
 
-        let model = BicycleModel::new(briefing.wheelbase);
+        let model = match briefing.protocol.as_str() {
+            "paper" => BicycleModel::authors_test(),
+            _ => BicycleModel::new(briefing.wheelbase),
+        };
         let mut state = VehicleState { x: av.x, y: av.y, heading: av.heading, speed: av.speed() };
         let mut driven = observation.control;
         let mut hint = corridor.nearest(av.position());

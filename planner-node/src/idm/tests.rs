@@ -126,6 +126,18 @@ fn a_free_road_is_driven_at_its_limit() {
 }
 
 #[test]
+fn under_paper_the_first_pose_is_as_far_away_as_its_speed_leads() {
+    for (protocol, faster) in [("strict", false), ("paper", true)] {
+        let mut drive = Drive::new(line(0.0, 4000), car(20.0, 0.0, 0.0, 5.0));
+        protocol.clone_into(&mut drive.briefing.protocol);
+        let first = drive.step(0).states[0];
+        assert!(first.speed > 5.01, "{protocol}: {}", first.speed);
+        let driven = if faster { first.speed } else { 5.0 };
+        assert!((first.x - 20.0 - 0.1 * driven).abs() < 1e-6, "{protocol}: {}", first.x);
+    }
+}
+
+#[test]
 fn an_offset_fades_without_swinging_over() {
     let mut drive = Drive::new(line(0.0, 4000), car(20.0, 1.5, 0.1, 8.0));
     for step in 0..100 {

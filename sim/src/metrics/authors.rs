@@ -24,7 +24,7 @@ struct Facts<'a> {
 impl Facts<'_> {
     /// How a flag stands at the last step.
     fn last(&self, rule: fn(&proto::StepRecord) -> bool) -> Option<f64> {
-        self.records.last().map(|record| rule(record)).and_then(flag)
+        self.records.last().map(rule).and_then(flag)
     }
 
     /// Distance to the logged AV (m) after so many steps; a drive that ended before stays where it was.
