@@ -1,5 +1,7 @@
 //! The protocol `paper` on a straight road: quirk by quirk what the authors' simulator does.
 
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
 mod straight_road;
 
 use std::sync::Arc;

@@ -1,5 +1,7 @@
 //! `sim verify` on the authors' vectors: it holds, and a number that is off makes it fail. Skipped where they are not there.
 
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

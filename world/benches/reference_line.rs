@@ -12,6 +12,7 @@ use std::sync::Arc;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use world::geometry::Point;
+use world::map_matching::LanePoints;
 use world::route::{Route, RouteStyle};
 use world::scene::Scene;
 
@@ -40,6 +41,11 @@ fn bench(criterion: &mut Criterion) {
             bencher.iter(|| Route::of_log(black_box(&scene), style));
         });
     }
+    building.bench_function("Paper, with what matches lanes", |bencher| {
+        bencher.iter(|| {
+            (Route::of_log(black_box(&scene), RouteStyle::Paper), LanePoints::new(black_box(scene.map()), |_| true))
+        });
+    });
     building.bench_function("floor: a heading a sample", |bencher| {
         bencher.iter(|| (0..route.line.len()).map(|i| route.line.point(i).heading()).sum::<f64>());
     });
@@ -58,6 +64,21 @@ fn bench(criterion: &mut Criterion) {
             hint = route.nearest_sample_from(point, hint).0;
             route.move_window(&mut window, hint, scene.signals(step));
             window.samples + window.red_stops.len()
+        });
+    });
+    let paper = Route::of_log(&scene, RouteStyle::Paper).unwrap();
+    let lanes = LanePoints::new(scene.map(), |_| true);
+    let mut paper_window = paper.window(0, &[]);
+    steps.bench_function("Paper: nearest sample, window, lane of the limit, distance to the window", |bencher| {
+        bencher.iter(|| {
+            let (point, step) = drive[at];
+            at = (at + 1) % drive.len();
+            hint = paper.nearest_sample_from(point, hint).0;
+            paper.move_window(&mut paper_window, hint, scene.signals(step));
+            let lane = lanes.authors_match(scene.av().states[step].unwrap_or_default().pose());
+            let rows = paper_window.start..paper_window.start + paper_window.samples;
+            let distance = rows.map(|row| point.distance_squared(paper.line.point(row))).fold(f64::INFINITY, f64::min);
+            (lane, distance, paper_window.red_stops.len())
         });
     });
     steps.bench_function("nearest sample without a hint", |bencher| {
