@@ -65,6 +65,7 @@ fn generated() -> Case {
         speed_target: 13.0,
         stop_distance: None,
         av: Vehicle { state, length: 5.0, width: 2.2 },
+        present: None,
         neighbors: &neighbors,
         weights: [0.2, 0.2, 0.1, 0.2, 0.1, 2.0, 10.0, 10.0, 10.0],
     });

@@ -149,7 +149,7 @@ fn seconds(step: usize) -> f64 {
 /// The term's share of the objective in each second of the plan.
 fn over_time(at: &Evaluation, term: Term, weight: f64) -> [f64; SECONDS] {
     let mut sums = [0.0; SECONDS];
-    for (which, rows) in at.rows.parts(at.safety().len()) {
+    for (which, rows) in at.rows.parts() {
         if which != term {
             continue;
         }
@@ -157,6 +157,7 @@ fn over_time(at: &Evaluation, term: Term, weight: f64) -> [f64; SECONDS] {
             let step = match term {
                 Term::LanePosition | Term::LaneHeading => lane_step(i),
                 Term::Safety => KEY_STEPS[at.safety()[i].key],
+                Term::Jerk | Term::SteeringChange => i + at.rows.extent.first_change,
                 _ => i,
             };
             sums[step * SECONDS / STEPS] += 0.5 * weight * weight * c * c;

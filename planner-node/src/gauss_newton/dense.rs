@@ -5,7 +5,8 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use super::constants::{SINGULAR, STEPS, TERMS};
 use super::controls::Controls;
 use super::motion::StateChange;
-use super::objective::{Evaluation, Rows};
+use super::objective::Evaluation;
+use super::rows::Rows;
 use super::sweep::BadPivot;
 
 /// Unknowns: two a step, interleaved.
@@ -25,24 +26,23 @@ impl Default for Dense {
 }
 
 /// Row weights in the order of [`Rows::parts`], flat.
-fn flat<'a>(rows: &'a Rows, weights: &'a [f64; TERMS], safety: usize) -> impl Iterator<Item = f64> + 'a {
-    rows.parts(safety).into_iter().flat_map(move |(term, rows)| rows.iter().map(move |v| weights[term as usize] * v))
+fn flat<'a>(rows: &'a Rows, weights: &'a [f64; TERMS]) -> impl Iterator<Item = f64> + 'a {
+    rows.parts().into_iter().flat_map(move |(term, rows)| rows.iter().map(move |v| weights[term as usize] * v))
 }
 
 /// The weighted Jacobian: a column for each unknown, rows in the order of [`Rows::parts`].
 #[must_use]
 pub fn jacobian(at: &Evaluation, weights: &[f64; TERMS]) -> DMatrix<f64> {
-    let safety = at.safety().len();
     let mut change = [StateChange::default(); STEPS];
-    let mut rows = Rows::ZERO;
-    let height = flat(&rows, weights, safety).count();
+    let mut rows = Rows { extent: at.rows.extent, ..Rows::ZERO };
+    let height = flat(&rows, weights).count();
     let mut jacobian = DMatrix::zeros(height, UNKNOWNS);
     let mut unit = Controls::ZERO;
     for (i, mut column) in jacobian.column_iter_mut().enumerate() {
         let one = if i % 2 == 0 { &mut unit.acceleration[i / 2] } else { &mut unit.steering[i / 2] };
         *one = 1.0;
         at.push_forward(&unit, &mut change, &mut rows);
-        column.iter_mut().zip(flat(&rows, weights, safety)).for_each(|(entry, v)| *entry = v);
+        column.iter_mut().zip(flat(&rows, weights)).for_each(|(entry, v)| *entry = v);
         unit = Controls::ZERO;
     }
     jacobian

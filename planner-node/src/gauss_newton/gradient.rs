@@ -14,12 +14,13 @@
 
 use world::vehicle::BicycleModel;
 
-use super::constants::{KEY_STEPS, NEIGHBORS, STEPS, TERMS};
+use super::constants::{KEY_STEPS, NEIGHBORS, STEPS, TERMS, lane_step};
 use super::controls::Controls;
 use super::linear::{LinearSolver, NormalEquations};
 use super::motion::{Motion, StateChange};
-use super::objective::{Costing, Evaluation, Rows};
+use super::objective::{Costing, Evaluation};
 use super::problem::Problem;
+use super::rows::Rows;
 use super::solver::SolveError;
 
 /// A gradient by everything that is learned.
@@ -229,12 +230,11 @@ impl Layer {
 
     /// Of `factor * sum (w c)^2`.
     fn pull_back_squares(&mut self, problem: &Problem, factor: f64, gradients: &mut Gradients) {
-        let safety = self.at.safety().len();
         let multipliers = &mut self.scratch.multipliers;
-        multipliers.set_weighted(&problem.weights, &self.at.rows, None, safety);
+        multipliers.set_weighted(&problem.weights, &self.at.rows, None);
         self.at.pull_back(multipliers, &mut self.scratch.change);
         gradients.controls.add_scaled(2.0 * factor, &self.scratch.change);
-        for (term, rows) in self.at.rows.parts(safety) {
+        for (term, rows) in self.at.rows.parts() {
             let squares: f64 = rows.iter().map(|c| c * c).sum();
             gradients.weights[term as usize] += 2.0 * factor * problem.weights[term as usize] * squares;
         }
@@ -260,7 +260,6 @@ impl Layer {
             direct,
             change,
         } = &mut *self.scratch;
-        let safety = self.at.safety().len();
         // The normal equations give minus the step.
         self.normal.solve(&self.at, right, change);
         *step = Controls::ZERO;
@@ -271,14 +270,14 @@ impl Layer {
         self.at.push_forward(step, step_change, step_rows);
         self.at.push_forward(adjoint, adjoint_change, adjoint_rows);
 
-        let (rows, along_step) = (self.at.rows.parts(safety), step_rows.parts(safety));
-        for (((term, l), (_, c)), (_, d)) in adjoint_rows.parts(safety).iter().zip(rows).zip(along_step) {
+        let (rows, along_step) = (self.at.rows.parts(), step_rows.parts());
+        for (((term, l), (_, c)), (_, d)) in adjoint_rows.parts().iter().zip(rows).zip(along_step) {
             let sum: f64 = l.iter().zip(c).zip(d).map(|((l, c), d)| l * (c + d)).sum();
             gradients.weights[*term as usize] -= 2.0 * problem.weights[*term as usize] * sum;
         }
 
         // m . dr and m' dJ d
-        multipliers.set_weighted(&problem.weights, adjoint_rows, None, safety);
+        multipliers.set_weighted(&problem.weights, adjoint_rows, None);
         self.at.pull_back(multipliers, change);
         gradients.controls.add_scaled(-1.0, change);
         for (i, row) in self.at.safety().iter().enumerate() {
@@ -288,7 +287,7 @@ impl Layer {
         }
         pull_back_curvature(&self.at, multipliers, step, step_change, direct, change, gradients);
         // p' dJ l
-        multipliers.set_weighted(&problem.weights, &self.at.rows, Some(step_rows), safety);
+        multipliers.set_weighted(&problem.weights, &self.at.rows, Some(step_rows));
         pull_back_curvature(&self.at, multipliers, adjoint, adjoint_change, direct, change, gradients);
     }
 }
@@ -318,6 +317,18 @@ fn pull_back_curvature(
         let by = &mut gradients.predictions[row.neighbor][row.key];
         by.0 -= x;
         by.1 -= y;
+    }
+    for (i, edge) in at.edge.iter().enumerate().take(at.rows.extent.lane_edge) {
+        // The row changes by edge . s; edge turns likewise, about the line's sample.
+        let distance = (at.rows.lane_x[i] * at.rows.lane_x[i] + at.rows.lane_y[i] * at.rows.lane_y[i]).sqrt();
+        let (length, t) = (libm::sqrt(edge.0 * edge.0 + edge.1 * edge.1), lane_step(i));
+        if length == 0.0 {
+            continue;
+        }
+        let along = (edge.0 * states[t].x + edge.1 * states[t].y) / length;
+        let scale = multipliers.lane_edge[i] / distance;
+        direct[t].x += scale * (length * states[t].x - edge.0 * along);
+        direct[t].y += scale * (length * states[t].y - edge.1 * along);
     }
     *change = Controls::ZERO;
     at.motion.pull_back_curvature(direction, states, &at.state_gradient(multipliers), direct, change);

@@ -16,7 +16,7 @@
 //! | `problem` | what is to be solved, checked |
 //! | `nearest` | the reference line and its exact nearest sample |
 //! | `motion` | rollout and its first and second derivatives |
-//! | `objective` | the cost terms and products with their Jacobian |
+//! | `rows`, `objective` | the cost terms and products with their Jacobian |
 //! | `sweep`, `dense`, `linear` | the normal equations: along the chain of steps, and written out |
 //! | `solver` | iterations, stopping, polish |
 //! | `gradient`, `batch` | the unrolled iterations as a layer of a network; many samples at once |
@@ -33,6 +33,7 @@ mod motion;
 mod nearest;
 mod objective;
 mod problem;
+mod rows;
 mod solver;
 mod sweep;
 #[cfg(test)]
@@ -44,7 +45,8 @@ pub use gradient::{Gradients, Layer, LayerSettings, OutputGradient};
 pub use linear::LinearSolver;
 pub use motion::{Motion, StateChange};
 pub use nearest::{Frenet, Line};
-pub use objective::{Costing, Evaluation, Rows, Safety, SafetyRow};
+pub use objective::{Costing, Evaluation, Safety, SafetyRow};
 pub use problem::{InfoColumn, Inputs, Neighbor, Problem, ProblemError, Vehicle};
+pub use rows::{Extent, Rows};
 pub use solver::{Settings, SolveError, Solver, Status, Summary, trajectory};
 pub use sweep::BadPivot;

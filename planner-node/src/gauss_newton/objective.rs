@@ -7,15 +7,14 @@
 use std::f64::consts::PI;
 
 use world::geometry::wrap_angle;
+use world::plan::Control;
 use world::vehicle::BicycleModel;
 
-use super::constants::{DT, KEY_STEPS, LANE_STEPS, LATERAL_MARGIN, NEIGHBORS, SAFE_GAP, STEPS, TERMS, Term, lane_step};
+use super::constants::{DT, KEY_STEPS, LANE_STEPS, LATERAL_MARGIN, SAFE_GAP, STEPS, TERMS, lane_step};
 use super::controls::Controls;
 use super::motion::{Motion, StateChange};
 use super::problem::{PlacedNeighbor, Problem};
-
-/// The most safety rows: every neighbor at every key step.
-pub const SAFETY_ROWS: usize = KEY_STEPS.len() * NEIGHBORS;
+use super::rows::{Rows, SAFETY_ROWS};
 
 /// What the objective is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,7 +26,18 @@ pub struct Costing {
     pub wrap_heading: bool,
     /// Whose distance is costed.
     pub safety: Safety,
+    /// Whether the first control is tied to what the vehicle does now, where that is known.
+    pub from_present: bool,
+    /// The fastest that the wheels turn (rad/s). What is asked for beyond counts twenty times more; the authors have no bound,
+    /// which is infinity.
+    pub steering_rate: f64,
+    /// How far from the line (m) the AV's center is to stay. A meter beyond counts twenty times more; infinity for the authors.
+    pub lane_edge: f64,
 }
+
+/// How many times more it counts what is beyond the lane's edge, or faster than the wheels turn. By the weights tuned by hand it
+/// weighs as much as red light and safety then.
+const BEYOND: f64 = 20.0;
 
 /// Whose distance is costed at a key step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,94 +46,6 @@ pub enum Safety {
     Nearest,
     /// That of everyone ahead in the AV's path.
     Everyone,
-}
-
-/// A number for each residual row, term by term.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Rows {
-    /// [`Term::Speed`].
-    pub speed: [f64; STEPS],
-    /// [`Term::Acceleration`].
-    pub acceleration: [f64; STEPS],
-    /// [`Term::Jerk`].
-    pub jerk: [f64; STEPS - 1],
-    /// [`Term::Steering`].
-    pub steering: [f64; STEPS],
-    /// [`Term::SteeringChange`].
-    pub steering_change: [f64; STEPS - 1],
-    /// [`Term::LanePosition`], x.
-    pub lane_x: [f64; LANE_STEPS],
-    /// [`Term::LanePosition`], y.
-    pub lane_y: [f64; LANE_STEPS],
-    /// [`Term::LaneHeading`].
-    pub lane_heading: [f64; LANE_STEPS],
-    /// [`Term::RedLight`].
-    pub red_light: [f64; STEPS],
-    /// [`Term::Safety`]: as many as [`Evaluation::safety`] has entries.
-    pub safety: [f64; SAFETY_ROWS],
-}
-
-impl Rows {
-    /// All zero.
-    pub const ZERO: Self = Self {
-        speed: [0.0; STEPS],
-        acceleration: [0.0; STEPS],
-        jerk: [0.0; STEPS - 1],
-        steering: [0.0; STEPS],
-        steering_change: [0.0; STEPS - 1],
-        lane_x: [0.0; LANE_STEPS],
-        lane_y: [0.0; LANE_STEPS],
-        lane_heading: [0.0; LANE_STEPS],
-        red_light: [0.0; STEPS],
-        safety: [0.0; SAFETY_ROWS],
-    };
-
-    /// The rows of each term, in the order of the weights; lane position has two parts, `safety` rows are the first `safety`.
-    #[must_use]
-    pub fn parts(&self, safety: usize) -> [(Term, &[f64]); TERMS + 1] {
-        [
-            (Term::Speed, &self.speed),
-            (Term::Acceleration, &self.acceleration),
-            (Term::Jerk, &self.jerk),
-            (Term::Steering, &self.steering),
-            (Term::SteeringChange, &self.steering_change),
-            (Term::LanePosition, &self.lane_x),
-            (Term::LanePosition, &self.lane_y),
-            (Term::LaneHeading, &self.lane_heading),
-            (Term::RedLight, &self.red_light),
-            (Term::Safety, &self.safety[..safety]),
-        ]
-    }
-
-    /// [`Rows::parts`], to be changed.
-    fn parts_mut(&mut self, safety: usize) -> [(Term, &mut [f64]); TERMS + 1] {
-        [
-            (Term::Speed, &mut self.speed),
-            (Term::Acceleration, &mut self.acceleration),
-            (Term::Jerk, &mut self.jerk),
-            (Term::Steering, &mut self.steering),
-            (Term::SteeringChange, &mut self.steering_change),
-            (Term::LanePosition, &mut self.lane_x),
-            (Term::LanePosition, &mut self.lane_y),
-            (Term::LaneHeading, &mut self.lane_heading),
-            (Term::RedLight, &mut self.red_light),
-            (Term::Safety, &mut self.safety[..safety]),
-        ]
-    }
-
-    /// `self = weight^2 * (rows + more)`, term by term.
-    pub(super) fn set_weighted(&mut self, weights: &[f64; TERMS], rows: &Self, more: Option<&Self>, safety: usize) {
-        let mores = more.map(|more| more.parts(safety));
-        for (i, ((term, into), (_, from))) in self.parts_mut(safety).into_iter().zip(rows.parts(safety)).enumerate() {
-            let squared = weights[term as usize] * weights[term as usize];
-            match &mores {
-                None => into.iter_mut().zip(from).for_each(|(into, from)| *into = squared * from),
-                Some(mores) => {
-                    into.iter_mut().zip(from).zip(mores[i].1).for_each(|((into, a), b)| *into = squared * (a + b));
-                }
-            }
-        }
-    }
 }
 
 /// A safety row that is not zero: a neighbor that is too near.
@@ -155,7 +77,10 @@ pub struct Evaluation {
     /// First step past the red light's stop; [`STEPS`] if there is none.
     pub red_from: usize,
     safety: [SafetyRow; SAFETY_ROWS],
-    safety_count: usize,
+    /// How much more a change of the steering angle counts that is too fast.
+    pub(super) stiffness: [f64; STEPS],
+    /// How the rows of the lane's edge change with the position.
+    pub(super) edge: [(f64, f64); LANE_STEPS],
     /// Half the sum of squares of each term.
     pub terms: [f64; TERMS],
     /// Their sum.
@@ -172,7 +97,8 @@ impl Default for Evaluation {
             moves: [0.0; STEPS],
             red_from: STEPS,
             safety: [SafetyRow::default(); SAFETY_ROWS],
-            safety_count: 0,
+            stiffness: [1.0; STEPS],
+            edge: [(0.0, 0.0); LANE_STEPS],
             terms: [0.0; TERMS],
             objective: 0.0,
         }
@@ -183,11 +109,11 @@ impl Evaluation {
     /// Evaluates the objective at `controls`, which are finite.
     pub fn evaluate(&mut self, problem: &Problem, costing: &Costing, controls: &Controls) {
         self.motion.roll_out(&costing.model, problem.av.state, controls);
-        self.evaluate_controls(problem, controls);
+        self.evaluate_controls(problem, costing, controls);
         self.evaluate_lane(problem, costing);
         self.evaluate_safety(problem, costing);
         self.terms = [0.0; TERMS];
-        for (term, rows) in self.rows.parts(self.safety_count) {
+        for (term, rows) in self.rows.parts() {
             let weight = problem.weights[term as usize];
             self.terms[term as usize] += 0.5 * weight * weight * rows.iter().map(|c| c * c).sum::<f64>();
         }
@@ -201,13 +127,21 @@ impl Evaluation {
     }
 
     /// Terms of the controls as they are: not clipped as the vehicle model clips them. Speed and distance among them.
-    fn evaluate_controls(&mut self, problem: &Problem, controls: &Controls) {
+    fn evaluate_controls(&mut self, problem: &Problem, costing: &Costing, controls: &Controls) {
         let rows = &mut self.rows;
         rows.acceleration = controls.acceleration;
         rows.steering = controls.steering;
-        for t in 0..STEPS - 1 {
-            rows.jerk[t] = (controls.acceleration[t + 1] - controls.acceleration[t]) / DT;
-            rows.steering_change[t] = (controls.steering[t + 1] - controls.steering[t]) / DT;
+        let present = problem.present.filter(|_| costing.from_present);
+        rows.extent.first_change = usize::from(present.is_none());
+        let mut before = present.unwrap_or_else(|| controls.at(0));
+        for t in 0..STEPS {
+            let now = controls.at(t);
+            rows.jerk[t] = (now.acceleration - before.acceleration) / DT;
+            let change = (now.steering - before.steering) / DT;
+            let excess = change - change.clamp(-costing.steering_rate, costing.steering_rate);
+            rows.steering_change[t] = change + BEYOND * excess;
+            self.stiffness[t] = if excess == 0.0 { 1.0 } else { 1.0 + BEYOND };
+            before = now;
         }
         let (mut owed, mut distance) = (problem.av.state.speed, 0.0);
         self.red_from = STEPS;
@@ -238,10 +172,25 @@ impl Evaluation {
             let turn = state.heading - heading;
             self.rows.lane_heading[i] = if costing.wrap_heading && turn.abs() > PI { wrap_angle(turn) } else { turn };
         }
+        self.rows.extent.lane_edge = 0;
+        if costing.lane_edge.is_finite() {
+            self.evaluate_lane_edge(costing.lane_edge);
+        }
+    }
+
+    fn evaluate_lane_edge(&mut self, edge: f64) {
+        self.rows.extent.lane_edge = LANE_STEPS;
+        for i in 0..LANE_STEPS {
+            let (x, y) = (self.rows.lane_x[i], self.rows.lane_y[i]);
+            let distance = (x * x + y * y).sqrt();
+            let beyond = distance > edge;
+            self.rows.lane_edge[i] = if beyond { BEYOND * (distance - edge) } else { 0.0 };
+            self.edge[i] = if beyond { (BEYOND * x / distance, BEYOND * y / distance) } else { (0.0, 0.0) };
+        }
     }
 
     fn evaluate_safety(&mut self, problem: &Problem, costing: &Costing) {
-        self.safety_count = 0;
+        self.rows.extent.safety = 0;
         if !problem.company {
             return;
         }
@@ -284,27 +233,32 @@ impl Evaluation {
 
     fn add_safety_row(&mut self, row: SafetyRow, missing: f64) {
         if missing > 0.0 {
-            self.safety[self.safety_count] = row;
-            self.rows.safety[self.safety_count] = missing;
-            self.safety_count += 1;
+            let count = &mut self.rows.extent.safety;
+            self.safety[*count] = row;
+            self.rows.safety[*count] = missing;
+            *count += 1;
         }
     }
 
     /// The safety rows that are not zero, by key step.
     #[must_use]
     pub fn safety(&self) -> &[SafetyRow] {
-        &self.safety[..self.safety_count]
+        &self.safety[..self.rows.extent.safety]
     }
 
     /// How the rows (before weighting) change with the controls: the product of the Jacobian with `direction`. `change` becomes
     /// the change of the states.
     pub fn push_forward(&self, direction: &Controls, change: &mut [StateChange; STEPS], rows: &mut Rows) {
         self.motion.push_forward(direction, change);
+        rows.extent = self.rows.extent;
         rows.acceleration = direction.acceleration;
         rows.steering = direction.steering;
-        for t in 0..STEPS - 1 {
-            rows.jerk[t] = (direction.acceleration[t + 1] - direction.acceleration[t]) / DT;
-            rows.steering_change[t] = (direction.steering[t + 1] - direction.steering[t]) / DT;
+        let mut before = Control::default();
+        for t in 0..STEPS {
+            let now = direction.at(t);
+            rows.jerk[t] = (now.acceleration - before.acceleration) / DT;
+            rows.steering_change[t] = self.stiffness[t] * (now.steering - before.steering) / DT;
+            before = now;
         }
         let (mut owed, mut distance) = (0.0, 0.0);
         for t in 0..STEPS {
@@ -316,6 +270,10 @@ impl Evaluation {
         for i in 0..LANE_STEPS {
             let s = &change[lane_step(i)];
             (rows.lane_x[i], rows.lane_y[i], rows.lane_heading[i]) = (s.x, s.y, s.heading);
+        }
+        for (i, (x, y)) in self.edge.iter().enumerate().take(rows.extent.lane_edge) {
+            let s = &change[lane_step(i)];
+            rows.lane_edge[i] = x * s.x + y * s.y;
         }
         for (row, safety) in rows.safety.iter_mut().zip(self.safety()) {
             let s = &change[KEY_STEPS[safety.key]];
@@ -330,6 +288,11 @@ impl Evaluation {
             let s = &mut states[lane_step(i)];
             (s.x, s.y, s.heading) = (rows.lane_x[i], rows.lane_y[i], rows.lane_heading[i]);
         }
+        for (i, (x, y)) in self.edge.iter().enumerate().take(rows.extent.lane_edge) {
+            let s = &mut states[lane_step(i)];
+            s.x += rows.lane_edge[i] * x;
+            s.y += rows.lane_edge[i] * y;
+        }
         for (row, safety) in rows.safety.iter().zip(self.safety()) {
             let s = &mut states[KEY_STEPS[safety.key]];
             s.x -= row * safety.away.0;
@@ -342,11 +305,14 @@ impl Evaluation {
     pub fn pull_back(&self, rows: &Rows, controls: &mut Controls) {
         controls.acceleration = rows.acceleration;
         controls.steering = rows.steering;
-        for t in 0..STEPS - 1 {
-            controls.acceleration[t] -= rows.jerk[t] / DT;
-            controls.acceleration[t + 1] += rows.jerk[t] / DT;
-            controls.steering[t] -= rows.steering_change[t] / DT;
-            controls.steering[t + 1] += rows.steering_change[t] / DT;
+        for t in rows.extent.first_change..STEPS {
+            let (jerk, steering_change) = (rows.jerk[t] / DT, self.stiffness[t] * rows.steering_change[t] / DT);
+            controls.acceleration[t] += jerk;
+            controls.steering[t] += steering_change;
+            if t > 0 {
+                controls.acceleration[t - 1] -= jerk;
+                controls.steering[t - 1] -= steering_change;
+            }
         }
         let (mut owed, mut distance) = (0.0, 0.0);
         for t in (0..STEPS).rev() {
@@ -361,7 +327,7 @@ impl Evaluation {
 
     /// The gradient of the objective by the controls. `scratch` is overwritten.
     pub fn gradient(&self, problem: &Problem, scratch: &mut Rows, controls: &mut Controls) {
-        scratch.set_weighted(&problem.weights, &self.rows, None, self.safety_count);
+        scratch.set_weighted(&problem.weights, &self.rows, None);
         self.pull_back(scratch, controls);
     }
 }

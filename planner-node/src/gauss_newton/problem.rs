@@ -1,6 +1,7 @@
 //! What is to be solved: the line, the AV, its neighbors and their predicted positions, the weights.
 
 use thiserror::Error;
+use world::plan::Control;
 use world::vehicle::VehicleState;
 
 use super::constants::{KEY_STEPS, NEIGHBORS, STEPS, STOP_MARGIN, TERMS};
@@ -21,6 +22,8 @@ pub struct Inputs<'a> {
     pub stop_distance: Option<f64>,
     /// The AV now.
     pub av: Vehicle,
+    /// What it is doing now, if that is known: the control that was driven last.
+    pub present: Option<Control>,
     /// Its neighbors, at most [`NEIGHBORS`], the nearest first; `None` where nobody is.
     pub neighbors: &'a [Option<Neighbor<'a>>],
     /// The weight of each cost term.
@@ -77,6 +80,7 @@ pub struct Problem {
     pub(super) speed_target: f64,
     pub(super) stop_distance: Option<f64>,
     pub(super) av: Vehicle,
+    pub(super) present: Option<Control>,
     pub(super) neighbors: [Option<PlacedNeighbor>; NEIGHBORS],
     pub(super) weights: [f64; TERMS],
     /// Whether there is any neighbor.
@@ -103,6 +107,7 @@ impl Problem {
             speed_target: 0.0,
             stop_distance: None,
             av: Vehicle::default(),
+            present: None,
             neighbors: [None; NEIGHBORS],
             weights: [0.0; TERMS],
             company: false,
@@ -121,6 +126,7 @@ impl Problem {
         self.speed_target = inputs.speed_target;
         self.stop_distance = inputs.stop_distance;
         self.av = inputs.av;
+        self.present = inputs.present;
         self.weights = inputs.weights;
         self.neighbors = [None; NEIGHBORS];
         for (place, neighbor) in self.neighbors.iter_mut().zip(inputs.neighbors) {
@@ -182,6 +188,9 @@ fn check(inputs: &Inputs<'_>) -> Result<(), ProblemError> {
     finite("the stop distance", inputs.stop_distance.as_slice())?;
     let VehicleState { x, y, heading, speed } = inputs.av.state;
     finite("the AV's state", &[x, y, heading, speed, inputs.av.length, inputs.av.width])?;
+    if let Some(Control { acceleration, steering }) = inputs.present {
+        finite("the present control", &[acceleration, steering])?;
+    }
     finite("a weight", &inputs.weights)?;
     if inputs.neighbors.len() > NEIGHBORS {
         return Err(ProblemError::WrongLength {
@@ -241,6 +250,7 @@ mod tests {
             speed_target: 10.0,
             stop_distance: None,
             av: Vehicle::default(),
+            present: None,
             neighbors,
             weights: [1.0; TERMS],
         }

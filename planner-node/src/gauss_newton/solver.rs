@@ -6,14 +6,15 @@
 //! by far. So that is what the globalized search is: theirs, then a line search from what it found.
 
 use thiserror::Error;
-use world::vehicle::BicycleModel;
+use world::vehicle::{BicycleModel, Limits};
 
 use super::constants::STEPS;
 use super::controls::Controls;
 use super::linear::{LinearSolver, NormalEquations};
 use super::motion::Motion;
-use super::objective::{Costing, Evaluation, Rows, Safety};
+use super::objective::{Costing, Evaluation, Safety};
 use super::problem::Problem;
+use super::rows::Rows;
 use super::sweep::BadPivot;
 
 /// How a solve goes.
@@ -39,7 +40,14 @@ impl Settings {
     #[must_use]
     pub const fn paper_test() -> Self {
         Self {
-            costing: Costing { model: BicycleModel::authors_planner(), wrap_heading: false, safety: Safety::Nearest },
+            costing: Costing {
+                model: BicycleModel::authors_planner(),
+                wrap_heading: false,
+                safety: Safety::Nearest,
+                from_present: false,
+                steering_rate: f64::INFINITY,
+                lane_edge: f64::INFINITY,
+            },
             step: 0.2,
             iterations: 50,
             polish: 0,
@@ -54,12 +62,21 @@ impl Settings {
         Self { step: 0.4, iterations: 2, absolute_tolerance: 1e-10, ..Self::paper_test() }
     }
 
-    /// The better of what was measured (`docs/planner.md`): the objective of the vehicle that is driven, headings compared as
-    /// angles, everyone in the path kept clear of, and a polish.
+    /// The better of what was measured (`docs/planner.md`): the objective of the vehicle that is driven, from what it does now on
+    /// and as fast as its wheels turn, headings compared as angles, everyone in the path kept clear of, a lane with an edge, and
+    /// a polish.
     #[must_use]
     pub const fn strict(model: BicycleModel) -> Self {
-        let costing = Costing { model, wrap_heading: true, safety: Safety::Everyone };
-        Self { costing, polish: 50, ..Self::paper_test() }
+        let paper = Self::paper_test();
+        let costing = Costing {
+            model,
+            wrap_heading: true,
+            safety: Safety::Everyone,
+            from_present: true,
+            steering_rate: Limits::STRICT.steering_rate,
+            lane_edge: 1.0,
+        };
+        Self { costing, polish: 50, ..paper }
     }
 }
 

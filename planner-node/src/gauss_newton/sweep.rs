@@ -122,7 +122,7 @@ impl Sweep {
         for t in (0..STEPS).rev() {
             add_curvature(&mut p, t, at, curvature, &mut safety);
             pull_both_sides::<N, UPDATED>(at, t, &mut p);
-            eliminate(&mut p, t, curvature, &mut self.gains[t]).ok_or(BadPivot { step: t })?;
+            eliminate(&mut p, t, at, curvature, &mut self.gains[t]).ok_or(BadPivot { step: t })?;
         }
         Ok(())
     }
@@ -208,18 +208,25 @@ fn add_curvature<const N: usize>(
         p[X][X] += curvature.of(Term::LanePosition);
         p[Y][Y] += curvature.of(Term::LanePosition);
         p[HEADING][HEADING] += curvature.of(Term::LaneHeading);
+        if at.rows.extent.lane_edge > 0 {
+            add_position(p, curvature.of(Term::LanePosition), at.edge[t / 2]);
+        }
     }
     while let Some((row, rest)) = safety.split_last()
         && KEY_STEPS[row.key] == t
     {
         *safety = rest;
-        let (x, y) = row.away;
-        let weight = curvature.of(Term::Safety);
-        p[X][X] += weight * x * x;
-        p[X][Y] += weight * x * y;
-        p[Y][X] += weight * x * y;
-        p[Y][Y] += weight * y * y;
+        add_position(p, curvature.of(Term::Safety), row.away);
     }
+}
+
+/// Adds what a row costs that changes by this vector with the position.
+#[inline]
+fn add_position<const N: usize>(p: &mut Matrix<N>, weight: f64, (x, y): (f64, f64)) {
+    p[X][X] += weight * x * x;
+    p[X][Y] += weight * x * y;
+    p[Y][X] += weight * x * y;
+    p[Y][Y] += weight * y * y;
 }
 
 /// What is linear in the state after step `t` becomes linear in the state before it and the controls.
@@ -286,9 +293,18 @@ fn add_to<const N: usize, const K: usize>(p: &mut Matrix<N>, to: usize, from: [(
 /// Takes the controls of step `t` out of the matrix and puts those of the step before in their place. `None` if a pivot is
 /// not positive.
 #[inline]
-fn eliminate<const N: usize>(p: &mut Matrix<N>, t: usize, curvature: &Curvature, gains: &mut Gains) -> Option<()> {
-    // The first controls change nothing relative to controls before the plan.
-    let (jerk, steering_change) = if t == 0 { (0.0, 0.0) } else { (curvature.jerk, curvature.steering_change) };
+fn eliminate<const N: usize>(
+    p: &mut Matrix<N>,
+    t: usize,
+    at: &Evaluation,
+    curvature: &Curvature,
+    gains: &mut Gains,
+) -> Option<()> {
+    let (jerk, steering_change) = if t < at.rows.extent.first_change {
+        (0.0, 0.0)
+    } else {
+        (curvature.jerk, curvature.steering_change * at.stiffness[t] * at.stiffness[t])
+    };
 
     let rest = p[ACCELERATION][ACCELERATION];
     let row = p[ACCELERATION];

@@ -154,7 +154,8 @@ impl Planner for Drive {
 }
 
 /// A plan a step later: without its first control, the last one twice.
-fn one_step_on(controls: &Controls) -> Controls {
+#[must_use]
+pub fn one_step_on(controls: &Controls) -> Controls {
     let mut later = controls.clone();
     later.acceleration.rotate_left(1);
     later.steering.rotate_left(1);
@@ -197,4 +198,4 @@ impl Rules {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -4,7 +4,7 @@ use wire::node::StepInput;
 use world::authors_frame;
 use world::geometry::{Point, Pose, wrap_angle_single};
 use world::observation::{Observation, ObservedAgent};
-use world::plan::{PLAN_STEPS, Prediction};
+use world::plan::{Control, PLAN_STEPS, Prediction};
 use world::reference_line::{ReferenceWindow, SAMPLES_BEHIND};
 use world::scene::TrackId;
 use world::vehicle::VehicleState;
@@ -50,6 +50,7 @@ pub struct Situation {
     speed_target: f64,
     stop_distance: Option<f64>,
     av: Vehicle,
+    present: Option<Control>,
     neighbors: Vec<Expected>,
 }
 
@@ -89,6 +90,7 @@ impl Situation {
             Rules::Strict => Pose::new(0.0, 0.0, av.heading).to_body(av.velocity()),
         };
         let speed = libm::hypot(velocity.x, velocity.y);
+        self.present = (rules == Rules::Strict).then_some(observation.control);
         self.av = Vehicle {
             state: VehicleState { speed, ..VehicleState::default() },
             length: rules.stored(av.length),
@@ -150,9 +152,9 @@ impl Situation {
             neighbor.track = Some(agent.track);
             neighbor.length = rules.stored(agent.state.length);
             neighbor.width = rules.stored(agent.state.width);
+            let expected = trajectories.iter().find(|t| t.track == agent.track);
             let positions = &mut neighbor.positions;
             positions.clear();
-            let expected = trajectories.iter().find(|t| t.track == agent.track);
             let own = |place: Point| {
                 let own = frame.to_body(place);
                 (own.x, own.y)
@@ -193,6 +195,7 @@ impl Situation {
             speed_target: self.speed_target,
             stop_distance: self.stop_distance,
             av: self.av,
+            present: self.present,
             neighbors: &neighbors,
             weights,
         })

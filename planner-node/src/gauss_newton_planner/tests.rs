@@ -14,14 +14,14 @@ use super::*;
 const SAMPLES: usize = 2000;
 
 /// A straight line that leaves (700, -300) at this heading, and the AV on it.
-struct Road {
-    briefing: Briefing,
-    observation: Observation,
-    prediction: UncheckedPrediction,
+pub(crate) struct Road {
+    pub briefing: Briefing,
+    pub observation: Observation,
+    pub prediction: UncheckedPrediction,
 }
 
 impl Road {
-    fn new(heading: f64, speed: f64, protocol: &str) -> Self {
+    pub fn new(heading: f64, speed: f64, protocol: &str) -> Self {
         let start = Pose::new(700.0, -300.0, heading);
         let at = |k: usize| start.to_world(world::geometry::Point::new(0.1 * k as f64, 0.0));
         let line = Arc::new(ReferenceLine {
@@ -76,7 +76,7 @@ impl Road {
     }
 
     /// A car `ahead` metres along the line that stands, and is expected to.
-    fn with_standing_car(mut self, ahead: f64) -> Self {
+    pub fn with_standing_car(mut self, ahead: f64) -> Self {
         let frame = self.observation.av.pose();
         let place = frame.to_world(world::geometry::Point::new(ahead, 0.0));
         let state = AgentState { x: place.x, y: place.y, velocity_x: 0.0, velocity_y: 0.0, ..self.observation.av };
@@ -100,7 +100,7 @@ impl Road {
         })
     }
 
-    fn plan(&self, options: Options) -> Result<UncheckedPlan, String> {
+    pub fn plan(&self, options: Options) -> Result<UncheckedPlan, String> {
         let mut planner = GaussNewton(options).start(&self.briefing)?;
         self.step(|step| planner.plan(step))
     }

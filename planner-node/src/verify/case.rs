@@ -44,6 +44,7 @@ pub fn problem(npz: &Npz) -> Result<Problem, CaseError> {
             length: av[5],
             width: av[6],
         },
+        present: None,
         neighbors: &neighbors,
         weights,
     })?)

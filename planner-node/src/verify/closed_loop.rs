@@ -91,6 +91,7 @@ fn problem(npz: &Npz, route: &Npz, stored: usize, step: usize) -> Result<Problem
         speed_target: number("speed_limit")?,
         stop_distance: stop_distance(number("red_first")?, number("red_count")?),
         av: Vehicle { state, length: own[5], width: own[6] },
+        present: None,
         neighbors: &neighbors,
         weights: HAND_TUNED,
     })?)

@@ -93,7 +93,7 @@ fn poses(states: &[VehicleState; STEPS]) -> impl Iterator<Item = f64> {
 fn stacked(at: &Evaluation, weights: &[f64; TERMS]) -> Vec<f64> {
     let weight = |term: Term| weights[term as usize];
     let mut all = Vec::new();
-    for (term, rows) in at.rows.parts(0) {
+    for (term, rows) in at.rows.parts().into_iter().filter(|(term, _)| *term != Term::Safety) {
         all.extend(rows.iter().map(|c| weight(term) * c));
     }
     let mut safety = [0.0; KEY_STEPS.len()];
