@@ -4,6 +4,8 @@
 //! neighbors that bind, and what the search would come to without each of the terms.
 
 mod recording;
+#[cfg(test)]
+mod tests;
 
 use std::fmt;
 use std::path::Path;
@@ -27,7 +29,9 @@ pub enum ExplainError {
     #[error(transparent)]
     Recording(#[from] RecordingError),
     /// The plan of the step has states alone.
-    #[error("the plan of step {0} has no controls, and only controls have a cost")]
+    #[error(
+        "the plan of step {0} has no controls, and only controls have a cost\nhint: gauss-newton and idm plan controls"
+    )]
     NoControls(u32),
     /// The step makes no problem.
     #[error("step {step}: {what}")]
@@ -43,6 +47,9 @@ pub enum ExplainError {
 #[derive(Clone, Debug)]
 pub struct Explanation {
     scene: String,
+    protocol: String,
+    /// Whether the recording has a prediction; else everybody is expected to keep their velocity.
+    predicted: bool,
     step: u32,
     status: String,
     iterations: u32,
@@ -90,13 +97,10 @@ pub fn explain(path: &Path, step: u32, weights: &Weights) -> Result<Explanation,
     let controls = plan.controls().ok_or(ExplainError::NoControls(step))?;
     let controls = Controls::from_pairs(controls.iter().map(|c| (c.acceleration, c.steering)));
     let controls = controls.ok_or(ExplainError::NoControls(step))?;
+    let predicted = prediction.is_some();
     let prediction = match prediction {
         Some(prediction) => prediction.clone(),
-        // Nobody predicted: everybody keeps their velocity.
-        None => {
-            let nobody = UncheckedPrediction { step, ..Default::default() };
-            nobody.check(step).map_err(|e| error(e.to_string()))?
-        }
+        None => UncheckedPrediction { step, ..Default::default() }.check(step).map_err(|e| error(e.to_string()))?,
     };
     let rules = Rules::of(&briefing.protocol);
     let settings = rules.settings(briefing);
@@ -130,6 +134,8 @@ pub fn explain(path: &Path, step: u32, weights: &Weights) -> Result<Explanation,
     }
     Ok(Explanation {
         scene: briefing.scene.to_string(),
+        protocol: briefing.protocol.clone(),
+        predicted,
         step,
         status: plan.diagnostics().status.clone(),
         iterations: plan.diagnostics().iterations,
@@ -187,7 +193,11 @@ fn outcome(
 
 impl fmt::Display for Explanation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "scene {}, step {}: {} after {} iterations", self.scene, self.step, self.status, self.iterations)?;
+        let Self { scene, protocol, step, status, iterations, .. } = self;
+        writeln!(f, "scene {scene} under {protocol}, step {step}: {status} after {iterations} iterations")?;
+        if !self.predicted {
+            writeln!(f, "nobody predicted: everybody is expected to keep their velocity")?;
+        }
         writeln!(f, "\nwhat the plan costs, second by second")?;
         writeln!(
             f,

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use mcap::MessageStream;
+use mcap::read::Options as ReadOptions;
 use prost::Message;
 use thiserror::Error;
 use wire::proto;
@@ -32,13 +34,25 @@ pub enum RecordingError {
         /// Why.
         source: std::io::Error,
     },
-    /// The file is no recording, or is damaged.
-    #[error("{path} is no readable recording")]
+    /// The file is no recording, or is damaged before its first message.
+    #[error("{path} is no readable recording ({why})\nhint: recordings are the files RUN/episodes/SCENE.mcap")]
     Mcap {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: Box<mcap::McapError>,
+        why: Box<mcap::McapError>,
+    },
+    /// The recording stops before the step is told: its recorder was killed, or the disk was full.
+    #[error("{path} is cut off before step {step} is told ({why}); it tells {told}\nhint: the command of its run, given again, drives what is missing", told = steps(*last))]
+    CutOff {
+        /// The file.
+        path: PathBuf,
+        /// The step asked for.
+        step: u32,
+        /// The last step that it tells.
+        last: Option<u32>,
+        /// Why reading stopped.
+        why: Box<mcap::McapError>,
     },
     /// A message cannot be understood.
     #[error("{path}: {topic} of step {step}: {what}")]
@@ -53,7 +67,7 @@ pub enum RecordingError {
         what: String,
     },
     /// The recording does not have such a message.
-    #[error("{path} has no {topic} of step {step}\nhint: `recorder info {path}` says what it holds", path = path.display())]
+    #[error("{path} has no {topic} of step {step}; it tells {told}\nhint: `recorder info {path}` says what it holds", path = path.display(), told = steps(*last))]
     Missing {
         /// The file.
         path: PathBuf,
@@ -61,7 +75,14 @@ pub enum RecordingError {
         topic: &'static str,
         /// The step asked for.
         step: u32,
+        /// The last step that it tells.
+        last: Option<u32>,
     },
+}
+
+/// Which steps there are, in words.
+fn steps(last: Option<u32>) -> String {
+    last.map_or_else(|| "no step".to_owned(), |last| format!("steps 0 to {last}"))
 }
 
 const SCENE: &str = "/reloop/scene";
@@ -69,18 +90,24 @@ const OBSERVATION: &str = "/reloop/observation";
 const PREDICTION: &str = "/reloop/prediction";
 const PLAN: &str = "/reloop/plan";
 
-/// Reads the step from a recording.
+/// Reads the step from a recording; one that is cut off will do, if the step is told before.
 ///
 /// # Errors
 /// [`RecordingError`].
 pub fn read_step(path: &Path, step: u32) -> Result<RecordedStep, RecordingError> {
     let bytes = std::fs::read(path).map_err(|source| RecordingError::Io { path: path.to_owned(), source })?;
-    let broken = |source| RecordingError::Mcap { path: path.to_owned(), source: Box::new(source) };
+    let broken = |why| RecordingError::Mcap { path: path.to_owned(), why: Box::new(why) };
     let wrong = |topic, what| RecordingError::Message { path: path.to_owned(), topic, step, what };
-    let missing = |topic| RecordingError::Missing { path: path.to_owned(), topic, step };
     let (mut briefing, mut observation, mut prediction, mut plan) = (None, None, None, None);
-    for message in mcap::MessageStream::new(&bytes).map_err(broken)? {
-        let message = message.map_err(broken)?;
+    let (mut last, mut cut) = (None, None);
+    for message in MessageStream::new_with_options(&bytes, ReadOptions::IgnoreEndMagic.into()).map_err(broken)? {
+        let message = match message {
+            Ok(message) => message,
+            Err(why) => {
+                cut = Some(why);
+                break;
+            }
+        };
         let data = message.data.as_ref();
         match message.channel.topic.as_str() {
             SCENE => briefing = Some(decoded::<proto::Scene, Briefing>(data).map_err(|e| wrong(SCENE, e))?),
@@ -97,6 +124,7 @@ pub fn read_step(path: &Path, step: u32) -> Result<RecordedStep, RecordingError>
             }
             PLAN => {
                 let planned: UncheckedPlan = decoded::<proto::Plan, _>(data).map_err(|e| wrong(PLAN, e))?;
+                last = last.max(Some(planned.step));
                 if planned.step == step {
                     plan = Some(planned.check(step).map_err(|e| wrong(PLAN, e.to_string()))?);
                     break;
@@ -105,12 +133,21 @@ pub fn read_step(path: &Path, step: u32) -> Result<RecordedStep, RecordingError>
             _ => {}
         }
     }
-    Ok(RecordedStep {
-        briefing: briefing.ok_or_else(|| missing(SCENE))?,
-        observation: observation.ok_or_else(|| missing(OBSERVATION))?,
-        prediction,
-        plan: plan.ok_or_else(|| missing(PLAN))?,
-    })
+    match (briefing, observation, plan, cut) {
+        (Some(briefing), Some(observation), Some(plan), _) => {
+            Ok(RecordedStep { briefing, observation, prediction, plan })
+        }
+        (None, .., Some(why)) => Err(broken(why)),
+        (.., Some(why)) => Err(RecordingError::CutOff { path: path.to_owned(), step, last, why: Box::new(why) }),
+        (briefing, observation, ..) => {
+            let topic = match (briefing, observation) {
+                (None, _) => SCENE,
+                (_, None) => OBSERVATION,
+                _ => PLAN,
+            };
+            Err(RecordingError::Missing { path: path.to_owned(), topic, step, last })
+        }
+    }
 }
 
 /// A message's bytes as what they mean.
