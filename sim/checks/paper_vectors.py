@@ -413,7 +413,7 @@ def mean(values):
 
 
 def comfort(poses):
-    velocity = turned(np.diff(poses[:, :2], axis=0) / 0.1, 0.0)
+    velocity = np.diff(poses[:, :2], axis=0) / 0.1
     c, s = np.cos(poses[:-1, 2]), np.sin(poses[:-1, 2])
     along, across = velocity[:, 0] * c + velocity[:, 1] * s, velocity[:, 1] * c - velocity[:, 0] * s
     return [mean(np.diff(along)) / 0.1, mean(np.diff(along, 2)) / 0.01, mean(np.diff(across)) / 0.1]

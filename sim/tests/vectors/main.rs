@@ -6,19 +6,15 @@ mod fixture;
 mod open_loop;
 mod planner;
 
-use std::path::Path;
 use std::sync::Arc;
 
 use scenarios::SceneSet;
 use world::scene::Scene;
 
-/// The twenty-second scenes that `wanted` takes, by name; none, with a word on it, where the shared data are missing.
-fn scenes(wanted: impl Fn(&str) -> bool) -> Vec<Arc<Scene>> {
-    vectors::shared("data/womd-derived/20s").map_or_else(Vec::new, |folder| load(&folder, wanted))
-}
-
-fn load(folder: &Path, wanted: impl Fn(&str) -> bool) -> Vec<Arc<Scene>> {
+/// The twenty-second scenes that `wanted` takes, by name; `None`, with a word on it, where the shared data are missing.
+fn scenes(wanted: impl Fn(&str) -> bool) -> Option<Vec<Arc<Scene>>> {
+    let folder = vectors::shared("data/womd-derived/20s")?;
     let set = SceneSet::open(&[folder.display().to_string()]).unwrap();
     let indices = (0..set.entries().len()).filter(|index| wanted(set.entries()[*index].id.as_str()));
-    indices.map(|index| set.load(index).unwrap().0).collect()
+    Some(indices.map(|index| set.load(index).unwrap().0).collect())
 }
