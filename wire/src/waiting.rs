@@ -4,7 +4,7 @@
 //! bus: on a virtual machine half of the time between observation and plan. So whoever waits stays awake for a little while,
 //! giving its core to any thread that wants it, and only then goes to sleep.
 
-use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
+use std::sync::mpsc::{Receiver, TryRecvError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -23,9 +23,6 @@ pub(crate) fn receive<T>(messages: &Receiver<T>, until: Option<Instant>) -> Opti
     }
     match until {
         None => messages.recv().ok(),
-        Some(until) => match messages.recv_timeout(until.saturating_duration_since(Instant::now())) {
-            Ok(message) => Some(message),
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
-        },
+        Some(until) => messages.recv_timeout(until.saturating_duration_since(Instant::now())).ok(),
     }
 }
