@@ -158,6 +158,17 @@ fn more_than_five_metres_from_the_line_is_off_route() {
 }
 
 #[test]
+fn a_pose_out_of_this_world_is_off_route() {
+    for x in [1e9, -1e200, f64::MAX] {
+        let outcome = run(&StraightRoad::new(), &mut To(|_: &Observation| Pose::new(x, 0.0, x)));
+        assert_eq!((outcome.end.reason(), outcome.end.steps), (EndReason::OffRoute, 1), "{x}");
+        let record = outcome.records[0];
+        assert!(!record.station.is_nan() && !record.lateral_offset.is_nan(), "{x}: {record:?}");
+        assert!(outcome.end.metrics.iter().filter_map(|metric| metric.value).all(|value| !value.is_nan()), "{x}");
+    }
+}
+
+#[test]
 fn where_no_lane_has_the_avs_heading_the_route_is_lost() {
     let mut turning = To(|o: &Observation| Pose::new(o.av.x + 1.0, o.av.y, o.av.heading + 0.1));
     let outcome = run(&StraightRoad::new(), &mut turning);

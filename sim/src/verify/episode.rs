@@ -76,7 +76,7 @@ fn compare_sight(sight: &Sight, stored: &StoredSight, add: &mut impl FnMut(Quant
     add(WINDOW, differences([window.start as f64 == stored.window_start, window.samples as f64 == stored.window_rows]));
     add(LANE, differences([sight.lane.map(|lane| lane.0 as f64) == Some(stored.lane)]));
     let info = window.authors_info();
-    let limit = info.iter().copied().fold(f64::NEG_INFINITY, |most, value| if value > most { value } else { most });
+    let limit = info.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     add(LIMIT, (limit - stored.speed_limit).abs());
     let count = |value: f64| info.iter().filter(|entry| **entry == value).count() as f64;
     let first = info.iter().position(|entry| *entry == 0.0).map_or(-1.0, |row| row as f64);
@@ -112,7 +112,7 @@ fn compare_observation(
         let turn = angle_difference(ours[2], theirs[2]);
         worst_deviation([ours[0], ours[1], theirs[2] + turn, ours[3], ours[4]], theirs, absolute)
     };
-    add(LINE, ours.iter().zip(&stored.line).map(deviation).fold(0.0, most));
+    add(LINE, ours.iter().zip(&stored.line).map(deviation).fold(0.0, f64::max));
     let ours = seen_agents(scene, observation, sight);
     let deviation = |(ours, theirs): (&[f64; 8], &[f64; 8])| {
         let mut ours = *ours;
@@ -120,7 +120,7 @@ fn compare_observation(
         worst_deviation(ours, theirs, absolute)
     };
     let theirs = stored.current.as_chunks::<8>().0;
-    add(CURRENT_STATE, ours.as_chunks::<8>().0.iter().zip(theirs).map(deviation).fold(0.0, most));
+    add(CURRENT_STATE, ours.as_chunks::<8>().0.iter().zip(theirs).map(deviation).fold(0.0, f64::max));
 }
 
 /// Every tenth row of the line in the log's frame; past its end the last one again.
@@ -194,9 +194,4 @@ fn single(value: f64) -> f64 {
 
 fn differences(same: impl IntoIterator<Item = bool>) -> f64 {
     same.into_iter().filter(|same| !same).count() as f64
-}
-
-fn most(a: f64, b: f64) -> f64 {
-    // What is not a number wins.
-    if a >= b { a } else { b }
 }

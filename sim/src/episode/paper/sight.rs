@@ -82,7 +82,7 @@ impl Surroundings {
         let window = &mut sight.window;
         self.route.move_window(window, sight.sample, scene.signals(log_index));
         let rows = &self.stored[window.start..window.start + window.samples];
-        let nearest = rows.iter().map(|row| place.distance_squared(*row)).fold(f64::INFINITY, least);
+        let nearest = rows.iter().map(|row| place.distance_squared(*row)).fold(f64::INFINITY, f64::min);
         sight.route_distance = nearest.sqrt();
         let lanes = &scene.map().lanes;
         // Lane numbers must be above 0 in the authors' code: 0 means none.
@@ -104,8 +104,4 @@ impl Surroundings {
         neighbors.clear();
         neighbors.extend(self.near.iter().take(NEIGHBORS).map(|(_, index)| *index));
     }
-}
-
-fn least(a: f64, b: f64) -> f64 {
-    if b < a { b } else { a }
 }
