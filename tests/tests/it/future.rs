@@ -168,10 +168,10 @@ fn futures(scene: &Scene, start: usize, recording: &[Recorded]) -> Vec<(String, 
     found
 }
 
-/// Drives `scenarios` under idm with a predictor, and searches every message of every recording.
-fn searched(scenarios: &[String], at_least: usize) {
+/// Drives `scenarios` by `protocol` under idm with a predictor, and searches every message of every recording.
+fn searched(scenarios: &[String], protocol: &str, at_least: usize) {
     let stage = Stage::new();
-    let mut command = stage.command("run --predictor ctrv --out run");
+    let mut command = stage.command(&format!("run --protocol {protocol} --predictor ctrv --out run"));
     if !scenarios.is_empty() {
         command.arg("--scenarios").args(scenarios);
     }
@@ -197,14 +197,15 @@ fn searched(scenarios: &[String], at_least: usize) {
 
 #[test]
 fn no_message_of_the_demo_set_holds_the_future() {
-    searched(&[], 7);
+    searched(&[], "strict", 7);
+    searched(&[], "paper", 7);
 }
 
 #[test]
 #[ignore = "takes minutes"]
 fn no_message_of_50_real_episodes_holds_the_future() {
     let Some(folder) = real_scenes("womd-derived") else { return };
-    searched(&[folder.to_string_lossy().into_owned()], 48);
+    searched(&[folder.to_string_lossy().into_owned()], "strict", 48);
 }
 
 #[test]

@@ -29,3 +29,13 @@ fn predictions_repeat_too() {
     }
     assert_same(&stage.files("one"), &stage.files("two"));
 }
+
+#[test]
+fn drives_under_paper_repeat_too() {
+    let stage = Stage::new();
+    for workers in [1, 3] {
+        let out = format!("--parallel {workers} --out run{workers}");
+        stage.good_sim(&format!("run --scenarios small.toml --protocol paper --driver gn-ctrv {out}"));
+    }
+    assert_same(&stage.files("run1"), &stage.files("run3"));
+}
