@@ -108,6 +108,24 @@ impl Npz {
         Ok(self.array(name, shape)?.as_chunks::<N>().0)
     }
 
+    /// The case at `index` of a batch of `cases`: arrays whose first axis is that long have its part of them alone, the others are
+    /// shared.
+    ///
+    /// # Panics
+    /// Where `index` is not below `cases`.
+    #[must_use]
+    pub fn case(&self, index: usize, cases: usize) -> Self {
+        let part = |array: &Array| match array.shape.split_first() {
+            Some((first, rest)) if *first == cases => {
+                let length = rest.iter().product::<usize>();
+                Array { shape: rest.to_vec(), values: array.values[index * length..][..length].to_vec() }
+            }
+            _ => array.clone(),
+        };
+        let arrays = self.arrays.iter().map(|(name, array)| (name.clone(), part(array))).collect();
+        Self { path: self.path.clone(), arrays }
+    }
+
     /// That this array is not as it should be.
     #[must_use]
     pub fn error(&self, name: &str, what: String) -> NpzError {
@@ -254,6 +272,14 @@ pub(crate) mod tests {
         bytes.extend(start.to_le_bytes());
         bytes.extend([0; 2]);
         bytes
+    }
+
+    #[test]
+    fn a_case_of_a_batch_has_its_part_of_each_array_that_is_as_long() {
+        let npz = Npz::parse(Path::new("a.npz"), &archive(true)).unwrap();
+        let second = npz.case(1, 2);
+        assert_eq!((second.number("pair").unwrap(), second.number("number").unwrap()), (2.0, 2.5));
+        assert_eq!(npz.case(0, 3).array("pair", &[None]).unwrap(), [1.0, 2.0]);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! Every quantity of every case is computed with each of the two linear solvers; the worst deviation of each is printed beside
 //! its tolerance. The folder's README defines the arrays.
 
+mod batch;
 mod case;
 mod closed_loop;
 mod quantities;
@@ -33,7 +34,7 @@ pub enum VerifyError {
     },
 }
 
-/// Verifies every case of a folder, or every episode of the planner if it has any.
+/// Verifies every case of a folder and of the folder `batch` in it, or every episode of the planner if it has any.
 ///
 /// # Errors
 /// [`VerifyError`]; a deviation is no error.
@@ -41,6 +42,10 @@ pub fn verify(folder: &Path) -> Result<Report, VerifyError> {
     let mut paths = npz_files(folder)?;
     let episodes = paths.iter().any(|path| closed_loop::route_of(path).is_some());
     paths.retain(|path| !episodes || closed_loop::route_of(path).is_some());
+    let batches = folder.join("batch");
+    if batches.is_dir() {
+        paths.extend(npz_files(&batches)?);
+    }
     let quantities = if episodes { &quantities::OF_EPISODES[..] } else { &quantities::OF_CASES };
     let mut report = Report::new(&["sweep", "dense"], quantities);
     for path in &paths {
@@ -60,6 +65,7 @@ fn deviations(path: &Path, linear: LinearSolver) -> Result<quantities::Deviation
     let npz = Npz::read(path)?;
     match closed_loop::route_of(path) {
         Some(route) => closed_loop::deviations(&npz, &Npz::read(&route)?, linear),
+        None if batch::is_batch(&npz) => batch::deviations(&npz, linear),
         None => quantities::deviations(&npz, linear),
     }
 }
