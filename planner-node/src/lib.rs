@@ -27,7 +27,9 @@ use scenarios::SetError;
 use wire::node::PlannerFactory;
 
 pub use constant_velocity::ConstantVelocity;
-pub use gauss_newton_planner::{GaussNewton, Init, Options as GaussNewtonOptions, Weights, WeightsError};
+pub use gauss_newton_planner::{
+    GaussNewton, Init, Options as GaussNewtonOptions, Rules, Situation, Weights, WeightsError, one_step_on,
+};
 pub use human::Human;
 pub use idm::Idm;
 
