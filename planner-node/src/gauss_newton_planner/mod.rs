@@ -6,8 +6,9 @@
 //! | `weights.rs` | where the weights of the cost terms come from |
 //!
 //! Under `paper` it is the authors' planner, quirks and all: their objective, their stopping rule, a new start at every step, and
-//! the poses of their test model as plan. Under any other protocol it is ours: the objective of the vehicle that is driven, a
-//! polished search, and the last plan as a second start, of which the better one is kept.
+//! the poses of their test model as plan. Under any other protocol it is ours: the objective of the vehicle that is driven, from
+//! what it does now on and in a lane with an edge, a polished search, and the last plan as a second start, of which the better one is
+//! kept.
 
 mod situation;
 mod weights;
