@@ -319,16 +319,16 @@ fn pull_back_curvature(
         by.1 -= y;
     }
     for (i, edge) in at.edge.iter().enumerate().take(at.rows.extent.lane_edge) {
-        // The row changes by edge . s; edge turns likewise, about the line's sample.
-        let distance = (at.rows.lane_x[i] * at.rows.lane_x[i] + at.rows.lane_y[i] * at.rows.lane_y[i]).sqrt();
-        let (length, t) = (libm::sqrt(edge.0 * edge.0 + edge.1 * edge.1), lane_step(i));
-        if length == 0.0 {
+        if *edge == (0.0, 0.0) {
             continue;
         }
-        let along = (edge.0 * states[t].x + edge.1 * states[t].y) / length;
-        let scale = multipliers.lane_edge[i] / distance;
-        direct[t].x += scale * (length * states[t].x - edge.0 * along);
-        direct[t].y += scale * (length * states[t].y - edge.1 * along);
+        // The row changes by edge . s; edge points away from the line's sample, and turns about it.
+        let t = lane_step(i);
+        let s = &states[t];
+        let (x, y) = (at.rows.lane_x[i], at.rows.lane_y[i]);
+        let turn = multipliers.lane_edge[i] * (edge.0 * s.y - edge.1 * s.x) / (x * x + y * y);
+        direct[t].x -= turn * y;
+        direct[t].y += turn * x;
     }
     *change = Controls::ZERO;
     at.motion.pull_back_curvature(direction, states, &at.state_gradient(multipliers), direct, change);
