@@ -55,16 +55,17 @@ impl LanePoints {
     #[must_use]
     pub fn authors_match(&self, pose: Pose) -> Option<LaneMatch> {
         let accept = |number: usize| authors_difference(pose.heading, self.headings[number]) <= HEADING_TOLERANCE;
-        let (number, distance) = self.grid.nearest_where(pose.position(), accept)?;
+        let (number, distance) = self.grid.nearest_where(pose.position(), f64::INFINITY, accept)?;
         Some(self.matched(number, distance))
     }
 
-    /// The nearest point whose heading differs by at most `tolerance` (rad, on the circle); the first of equals.
+    /// The nearest point within `radius` (m) whose heading differs by at most `tolerance` (rad, on the circle); the first of
+    /// equals.
     #[must_use]
-    pub fn nearest(&self, pose: Pose, tolerance: f64) -> Option<LaneMatch> {
+    pub fn nearest(&self, pose: Pose, radius: f64, tolerance: f64) -> Option<LaneMatch> {
         let accept =
             |number: usize| crate::geometry::angle_difference(pose.heading, self.headings[number]).abs() <= tolerance;
-        let (number, distance) = self.grid.nearest_where(pose.position(), accept)?;
+        let (number, distance) = self.grid.nearest_where(pose.position(), radius, accept)?;
         Some(self.matched(number, distance))
     }
 
@@ -157,8 +158,8 @@ mod tests {
         let wound_up = Pose::new(1.0, 0.0, 4.0 * std::f64::consts::PI);
         // |a - b| = 4 pi becomes -2 pi, which passes for any tolerance; three turns pass for a lane across as well.
         assert!(lanes.authors_match(Pose::new(1.0, 0.0, 2.0 * std::f64::consts::PI + 1.5)).is_some());
-        assert!(lanes.nearest(Pose::new(1.0, 0.0, 2.0 * std::f64::consts::PI + 1.5), 0.5).is_none());
-        assert!(lanes.nearest(wound_up, 0.5).is_some());
+        assert!(lanes.nearest(Pose::new(1.0, 0.0, 2.0 * std::f64::consts::PI + 1.5), 9.0, 0.5).is_none());
+        assert!(lanes.nearest(wound_up, 9.0, 0.5).is_some());
     }
 
     #[test]

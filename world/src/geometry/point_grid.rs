@@ -29,14 +29,14 @@ impl PointGrid {
     /// The point nearest to `point`, and its distance; the first of equals. `None` in an empty grid.
     #[must_use]
     pub fn nearest(&self, point: Point) -> Option<(usize, f64)> {
-        self.nearest_where(point, |_| true)
+        self.nearest_where(point, f64::INFINITY, |_| true)
     }
 
-    /// The nearest of the points that are accepted; the first of those at equal *distance*, as a search by rounded
+    /// The nearest of the points within `radius` metres (inclusive) that are accepted; the first of those at equal *distance*, as a search by rounded
     /// distances in the order of their numbers would find it.
     #[must_use]
-    pub fn nearest_where(&self, point: Point, accept: impl Fn(usize) -> bool) -> Option<(usize, f64)> {
-        let (mut nearest, mut best) = (None, f64::INFINITY);
+    pub fn nearest_where(&self, point: Point, radius: f64, accept: impl Fn(usize) -> bool) -> Option<(usize, f64)> {
+        let (mut nearest, mut best) = (None, radius);
         self.search(point, &mut nearest, &mut best, accept);
         nearest.map(|index| (index, best))
     }
@@ -93,7 +93,7 @@ mod tests {
         let grid = PointGrid::new(square.iter().map(|(x, y)| Point::new(*x, *y)).collect(), 0.7);
         assert_eq!(grid.nearest(Point::default()).unwrap().0, 0);
         assert_eq!(grid.nearest_from(Point::default(), 3).unwrap().0, 0);
-        assert_eq!(grid.nearest_where(Point::default(), |index| index > 1).unwrap().0, 2);
+        assert_eq!(grid.nearest_where(Point::default(), 2.0, |index| index > 1).unwrap().0, 2);
     }
 
     #[test]
@@ -117,7 +117,8 @@ mod tests {
             prop_assert_eq!(index(grid.nearest(point)), brute(&points, point, |_| true));
             prop_assert_eq!(grid.nearest_from(point, hint), grid.nearest(point));
             let accept = |index: usize| index.is_multiple_of(modulus);
-            prop_assert_eq!(index(grid.nearest_where(point, accept)), brute(&points, point, accept));
+            let within = |index: usize| accept(index) && point.distance(points[index]) <= radius;
+            prop_assert_eq!(index(grid.nearest_where(point, radius, accept)), brute(&points, point, within));
             let mut near = Vec::new();
             grid.for_each_near(point, radius, |index| near.push(index));
             near.sort_unstable();

@@ -63,8 +63,7 @@ fn lanes_of_samples(map: &Map, lanes: &[usize], line: &ReferenceLine) -> Vec<Opt
     let points = LanePoints::new(map, |lane| lanes.contains(&lane));
     let lane = |index: usize| {
         let Pose { x, y, heading } = line.pose(index);
-        let matched = points.nearest(Pose::new(x, y, heading), LANE_HEADING)?;
-        (matched.distance <= LANE_DISTANCE).then_some(matched.lane)
+        points.nearest(Pose::new(x, y, heading), LANE_DISTANCE, LANE_HEADING).map(|matched| matched.lane)
     };
     (0..line.len()).map(lane).collect()
 }
