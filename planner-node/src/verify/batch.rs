@@ -1,4 +1,4 @@
-//! Three cases that the authors solved as one batch. Each must come out as it does alone, but for a quirk of theirs: what
+//! Cases that the authors solved as one batch. Each must come out as it does alone, but for a quirk of theirs: what
 //! lacks to a safe distance they reckon with the length of another neighbor, the one that is nearest in the *first* case of
 //! the batch (their Jacobian does not). Here the quirk is computed beside our own residual and must explain theirs to the
 //! last digits; a case that it makes another is not followed further.
@@ -13,24 +13,21 @@ use crate::gauss_newton::{
     Controls, Evaluation, Gradients, Layer, LayerSettings, LinearSolver, Problem, Settings, Solver,
 };
 
-/// Cases of a batch.
-const CASES: usize = 3;
-
 /// At each key step the place of the nearest neighbor in the AV's path and its distance (m): the first place and the authors'
 /// 100 m where nobody is.
 type Nearest = [(usize, f64); KEY_STEPS.len()];
 
-/// Whether these are the arrays of a batch.
-pub(super) fn is_batch(npz: &Npz) -> bool {
-    npz.shapes().any(|(name, shape)| name == "controls0" && shape.len() == 3)
+/// How many cases these arrays are of; none where they are those of a single case.
+pub(super) fn size(npz: &Npz) -> Option<usize> {
+    npz.shapes().find(|(name, shape)| *name == "controls0" && shape.len() == 3).map(|(_, shape)| shape[0])
 }
 
-/// The deviations of a batch.
-pub(super) fn deviations(npz: &Npz, linear: LinearSolver) -> Result<q::Deviations, CaseError> {
+/// The deviations of a batch of `size` cases.
+pub(super) fn deviations(npz: &Npz, size: usize, linear: LinearSolver) -> Result<q::Deviations, CaseError> {
     let mut found = Vec::new();
     let mut first: Option<Nearest> = None;
-    for index in 0..CASES {
-        let case = npz.case(index, CASES);
+    for index in 0..size {
+        let case = npz.case(index, size);
         let (problem, initial) = (problem(&case)?, controls(&case, "controls0")?);
         let mut at = Evaluation::default();
         at.evaluate(&problem, &Settings::paper_test().costing, &initial);
@@ -43,7 +40,7 @@ pub(super) fn deviations(npz: &Npz, linear: LinearSolver) -> Result<q::Deviation
         found.push((q::JACOBIAN, safety_jacobian(&case, &problem, &at)?));
         if quirk == q::stacked(&at, problem.weights()) {
             searched(&case, &problem, &initial, linear, &mut found)?;
-            trained(&case, &problem, &initial, linear, &mut found)?;
+            trained(&case, size, &problem, &initial, linear, &mut found)?;
         }
     }
     Ok(found)
@@ -116,6 +113,7 @@ fn searched(
 
 fn trained(
     case: &Npz,
+    size: usize,
     problem: &Problem,
     initial: &Controls,
     linear: LinearSolver,
@@ -134,5 +132,5 @@ fn trained(
         return Ok(());
     }
     // Their loss is the mean over the batch.
-    q::gradients(case, "train", &by, 1.0 / CASES as f64, found)
+    q::gradients(case, "train", &by, 1.0 / size as f64, found)
 }

@@ -63,10 +63,10 @@ pub fn verify(folder: &Path) -> Result<Report, VerifyError> {
 
 fn deviations(path: &Path, linear: LinearSolver) -> Result<quantities::Deviations, CaseError> {
     let npz = Npz::read(path)?;
-    match closed_loop::route_of(path) {
-        Some(route) => closed_loop::deviations(&npz, &Npz::read(&route)?, linear),
-        None if batch::is_batch(&npz) => batch::deviations(&npz, linear),
-        None => quantities::deviations(&npz, linear),
+    match (closed_loop::route_of(path), batch::size(&npz)) {
+        (Some(route), _) => closed_loop::deviations(&npz, &Npz::read(&route)?, linear),
+        (None, Some(size)) => batch::deviations(&npz, size, linear),
+        (None, None) => quantities::deviations(&npz, linear),
     }
 }
 
