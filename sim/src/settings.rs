@@ -100,6 +100,9 @@ pub struct SceneLine {
 pub struct Machine {
     /// Episodes driven at a time.
     pub parallel: u16,
+    /// Whether each worker and its nodes are kept on one core.
+    #[serde(default)]
+    pub pin: bool,
     /// How long nodes may take to start (s).
     pub start_timeout_s: f64,
     /// Where nodes connect, if it was asked for.
@@ -189,6 +192,7 @@ impl Request {
         };
         let machine = Machine {
             parallel: arguments.parallel.unwrap_or(cores),
+            pin: arguments.pin,
             start_timeout_s: arguments.start_timeout.as_secs_f64(),
             endpoint: arguments.endpoint,
             scenarios: arguments.scenarios,
@@ -326,7 +330,7 @@ pub(crate) mod tests {
     fn a_run_file_reads_back_as_it_was_written() {
         for arguments in [
             &[][..],
-            &["--driver", "human", "--predictor", "oracle", "--record", "none"],
+            &["--driver", "human", "--predictor", "oracle", "--record", "none", "--pin"],
             &["--planner-command", "python 'my planner.py' --fast", "--deadline", "250ms"],
             &["--planner", "external", "--endpoint", "tcp/127.0.0.1:7447", "--scenarios", "a", "b"],
             &["--protocol", "paper"],

@@ -6,12 +6,14 @@
 //! | --- | --- |
 //! | [`proto`] | the messages as prost makes them of `proto/reloop.proto` |
 //! | [`convert`] | between messages and the world's types; checks what comes from outside |
+//! | [`cores`] | which cores those who talk to each other run on |
 //! | [`keys`] | every key of the bus |
 //! | [`session`] | bus sessions: the simulator's router, the nodes' clients |
 //! | [`hub`] | the simulator's side: barrier, watch over nodes, a line for each episode |
 //! | [`node`] | the nodes' side: what a planner or predictor implements, and how it is served |
 
 pub mod convert;
+pub mod cores;
 #[doc(hidden)]
 pub mod fuzzing;
 pub mod hub;

@@ -24,6 +24,7 @@ use std::time::Duration;
 
 use scenarios::{SceneSet, SetError};
 use thiserror::Error;
+use wire::cores::Cores;
 use wire::hub::{Hub, HubSettings};
 use wire::keys::KeyError;
 use wire::proto::RunInfo;
@@ -72,6 +73,8 @@ pub enum RunError {
     Bus(#[from] SessionError),
     #[error(transparent)]
     Name(#[from] KeyError),
+    #[error("threads cannot be kept to a core: {0}\nhint: leave out --pin")]
+    Pin(std::io::Error),
     #[error(transparent)]
     Results(#[from] ParquetError),
     #[error("{reason}\nnote: {done} of {scenes} episodes are done; the same command continues the run in {}", folder.display())]
@@ -127,12 +130,22 @@ pub fn run(request: &Request, clock: WallClock, console: &Console, interrupts: &
             total - pending.len()
         ));
     }
+    let cores = file.machine.pin.then(Cores::of_this_thread).transpose().map_err(RunError::Pin)?;
+    // The bus has threads for all workers. Where there is but one worker, they are on its core.
+    let alone = file.machine.parallel == 1 || pending.len() == 1;
+    if let Some(cores) = cores.filter(|_| alone) {
+        cores.one(0).and_then(|one| one.keep_to()).map_err(RunError::Pin)?;
+    }
     let hub = open_bus(&file, console)?;
+    if let Some(cores) = cores {
+        cores.keep_to().map_err(RunError::Pin)?;
+    }
     let shared = Arc::new(Shared {
         scenes,
         file,
         folder,
         hub,
+        cores,
         clock,
         console: console.clone(),
         groups: interrupts.nodes().clone(),

@@ -9,6 +9,7 @@ use std::sync::mpsc::{Receiver, SyncSender};
 use std::time::Duration;
 
 use scenarios::SceneSet;
+use wire::cores::Cores;
 use wire::hub::{Hub, Wanted};
 use wire::keys::{Role, Worker as WorkerName, Workers};
 use wire::proto::{AgentState, EndReason, EpisodeEnd};
@@ -53,6 +54,8 @@ pub struct Shared {
     pub folder: Folder,
     /// The bus.
     pub hub: Hub,
+    /// The cores, if each worker keeps to one of them with its nodes.
+    pub cores: Option<Cores>,
     /// Since the program began.
     pub clock: WallClock,
     /// Where nodes' lines go.
@@ -113,6 +116,11 @@ impl Shared {
 
 /// Does what is ordered until nobody orders any more.
 pub fn work(number: usize, shared: &Arc<Shared>, orders: &Receiver<Order>, events: &SyncSender<Event>) {
+    if let Some(cores) = shared.cores
+        && let Err(error) = cores.one(number).and_then(|one| one.keep_to())
+    {
+        tracing::warn!("worker {number} is on no core of its own: {error}");
+    }
     let mut worker = Worker { number, name: WorkerName::numbered(number), shared, nodes: Vec::new(), starts: 0 };
     while let Ok(order) = orders.recv() {
         let event = match order {
