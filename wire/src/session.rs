@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use thiserror::Error;
 use zenoh::bytes::ZBytes;
+use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::{Config, Session, Wait};
 
@@ -143,6 +144,20 @@ fn free_endpoint() -> Result<String, SessionError> {
     let port = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|listener| listener.local_addr());
     port.map(|address| format!("tcp/{address}"))
         .map_err(|e| SessionError::Listen { endpoint: "tcp/127.0.0.1:0".to_owned(), reason: e.to_string() })
+}
+
+/// What sends message after message under `key`, as [`send`] does one: the key is looked up once.
+///
+/// # Errors
+/// [`SessionError::Bus`] where the session is closed.
+pub(crate) fn publisher(session: &Session, key: String) -> Result<Publisher<'static>, SessionError> {
+    session
+        .declare_publisher(key)
+        .priority(Priority::RealTime)
+        .congestion_control(CongestionControl::Block)
+        .express(true)
+        .wait()
+        .map_err(SessionError::bus("declare a publisher"))
 }
 
 /// Sends `payload` under `key`: reliable, in order with all else that this session sends, at once. Waits while a reader's

@@ -10,7 +10,9 @@ use thiserror::Error;
 use world::observation::{Briefing, Observation};
 use world::plan::{UncheckedPlan, UncheckedPrediction};
 use world::scene::SceneId;
+use zenoh::Wait;
 use zenoh::bytes::ZBytes;
+use zenoh::pubsub::Publisher;
 
 use super::{Shared, lock};
 use crate::convert::{Message, MessageError, decode};
@@ -113,6 +115,7 @@ pub struct EpisodeLine {
     expects_prediction: bool,
     inbox: Arc<Inbox>,
     incoming: Receiver<Incoming>,
+    observations: Publisher<'static>,
     /// What was told.
     counts: proto::Recorded,
 }
@@ -125,6 +128,8 @@ impl EpisodeLine {
         expects_prediction: bool,
     ) -> Result<Self, LineError> {
         let (sender, incoming) = sync_channel(INBOX);
+        let address = Address { worker: worker.clone(), scene: scene.clone(), channel: Channel::Observation };
+        let observations = session::publisher(&shared.session, address.key(&shared.run))?;
         let inbox = Arc::new(Inbox { sender, flooded: AtomicBool::new(false) });
         let mut inboxes = lock(&shared.inboxes);
         let place = (worker.clone(), scene.clone());
@@ -140,6 +145,7 @@ impl EpisodeLine {
             expects_prediction,
             inbox,
             incoming,
+            observations,
             counts: proto::Recorded::default(),
         })
     }
@@ -181,7 +187,7 @@ impl EpisodeLine {
         deadline: Duration,
         told: &mut Vec<(Channel, ZBytes)>,
     ) -> Result<(UncheckedPlan, Option<UncheckedPrediction>), LineError> {
-        self.send(Channel::Observation, observation)?;
+        self.observations.put(observation).wait().map_err(SessionError::bus("send"))?;
         let until = Instant::now() + deadline;
         let (mut plan, mut prediction) = (None, None);
         loop {

@@ -23,6 +23,7 @@ use prost::Message as _;
 use world::observation::{Briefing, Observation};
 use world::plan::{Prediction, UncheckedPlan, UncheckedPrediction};
 use zenoh::bytes::ZBytes;
+use zenoh::pubsub::Publisher;
 use zenoh::{Session, Wait};
 
 pub use connection::{Connection, NodeError, Options, Stop};
@@ -31,7 +32,7 @@ pub use history::History;
 
 use crate::keys::{Address, Channel, Role, RunName, Worker};
 use crate::proto;
-use crate::session;
+use crate::session::{self, SessionError};
 use crate::waiting;
 
 /// All that is known at a step.
@@ -199,6 +200,7 @@ impl Desks {
 
 /// A worker's thread.
 fn attend(run: &RunName, session: &Session, mut desk: Desk, messages: &Receiver<(Address, ZBytes)>) {
+    let mut answers: Option<(Address, Publisher<'static>)> = None;
     while let Some((address, payload)) = waiting::receive(messages, None) {
         if address.channel == Channel::Observation && !desk.knows(&address.scene) {
             let scene = Address { channel: Channel::Scene, ..address.clone() };
@@ -207,8 +209,17 @@ fn attend(run: &RunName, session: &Session, mut desk: Desk, messages: &Receiver<
             }
         }
         let Some((channel, answer)) = desk.take(&address, &payload.to_bytes()) else { continue };
-        let key = Address { channel, ..address }.key(run);
-        if let Err(e) = session::send(session, &key, answer) {
+        let address = Address { channel, ..address };
+        let sent = match answers.as_ref().filter(|(of, _)| *of == address) {
+            Some((_, publisher)) => publisher.put(answer).wait().map_err(SessionError::bus("send")),
+            // The first of an episode.
+            None => session::publisher(session, address.key(run)).and_then(|publisher| {
+                let sent = publisher.put(answer).wait().map_err(SessionError::bus("send"));
+                answers = Some((address, publisher));
+                sent
+            }),
+        };
+        if let Err(e) = sent {
             tracing::error!("an answer is lost: {e}");
         }
     }
