@@ -77,6 +77,8 @@ fn help_says_what_can_be_typed() {
                                       values: all, failures, none]
           --parallel <N>              Episodes driven at a time; results do not depend on it [default:
                                       the cores]
+          --pin                       Keep each worker with its nodes on a core of its own: faster,
+                                      where nothing else wants the cores
           --deadline <TIME>           How long an answer may take: 5s, 500ms [default: 5s]
           --start-timeout <TIME>      How long nodes may take to start [default: 20s]
           --endpoint <tcp/HOST:PORT>  Where to listen for nodes [default: a free port of this machine]

@@ -22,10 +22,10 @@ fn two_runs_and_any_number_of_workers_give_the_same_bytes() {
 }
 
 #[test]
-fn predictions_repeat_too() {
+fn predictions_repeat_too_and_on_cores_of_their_own() {
     let stage = Stage::new();
-    for run in ["one", "two"] {
-        stage.good_sim(&format!("run --scenarios small.toml --predictor ctrv --parallel 2 --out {run}"));
+    for run in ["one --parallel 2", "two --parallel 1 --pin"] {
+        stage.good_sim(&format!("run --scenarios small.toml --predictor ctrv --out {run}"));
     }
     assert_same(&stage.files("one"), &stage.files("two"));
 }
