@@ -7,6 +7,12 @@
 use crate::geometry::{Point, Pose, wrap_angle_single};
 use crate::scene::AgentState;
 
+/// A number as they store it.
+#[must_use]
+pub fn single(value: f64) -> f64 {
+    f64::from(value as f32)
+}
+
 /// Place and heading of a logged state in the frame of an AV at `av`.
 #[must_use]
 pub fn pose(state: &AgentState, av: Pose) -> Pose {
@@ -38,7 +44,7 @@ pub fn av_velocity(av: &AgentState, step: u32) -> Point {
         return velocity(av, av.pose());
     }
     let own = Pose::new(0.0, 0.0, av.heading).to_body(av.velocity());
-    let kept = |logged: f64, own: f64| if logged == 0.0 { 0.0 } else { f64::from(own as f32) };
+    let kept = |logged: f64, own: f64| if logged == 0.0 { 0.0 } else { single(own) };
     Point::new(kept(av.velocity_x, own.x), kept(av.velocity_y, own.y))
 }
 

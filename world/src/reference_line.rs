@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use crate::authors_frame::single;
 use crate::geometry::{Point, Pose};
 
 /// Distance between two samples along the line (m).
@@ -89,7 +90,7 @@ impl ReferenceWindow {
     #[must_use]
     pub fn authors_info(&self) -> Vec<f64> {
         let samples = self.start..(self.start + self.samples).min(self.line.len());
-        let info = |k: usize| if self.line.crosswalk[k] { 1.0 } else { f64::from(self.speed_limit_at(k) as f32) };
+        let info = |k: usize| if self.line.crosswalk[k] { 1.0 } else { single(self.speed_limit_at(k)) };
         let mut info: Vec<f64> = samples.map(info).collect();
         for red in &self.red_stops {
             if let Some(entry) = info.get_mut(*red as usize) {

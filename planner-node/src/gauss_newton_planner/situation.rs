@@ -35,7 +35,7 @@ impl Rules {
     /// A number as it is stored.
     fn stored(self, value: f64) -> f64 {
         match self {
-            Self::Paper => f64::from(value as f32),
+            Self::Paper => authors_frame::single(value),
             Self::Strict => value,
         }
     }

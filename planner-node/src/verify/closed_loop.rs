@@ -7,6 +7,7 @@ use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 use vectors::{Npz, NpzError, absolute, relative, worst_deviation};
+use world::authors_frame::single;
 use world::geometry::wrap_angle;
 use world::vehicle::{BicycleModel, VehicleState};
 
@@ -121,11 +122,6 @@ fn constant_turn_rate(agent: &[f64; 8], heading_after_a_second: f64) -> Vec<(f64
             (x, y)
         })
         .collect()
-}
-
-/// As the authors store it.
-fn single(value: f64) -> f64 {
-    f64::from(value as f32)
 }
 
 /// The `index`-th group of `N` numbers of an array.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use vectors::{Quantity, Report, absolute, worst_deviation};
 use wire::proto::StepRecord;
-use world::authors_frame;
+use world::authors_frame::{self, single};
 use world::geometry::{Point, Pose, angle_difference};
 use world::observation::Observation;
 use world::scene::{AgentState, Scene};
@@ -40,9 +40,9 @@ const OFF_ROUTE: f64 = 5.0;
 
 /// Drives the episode of `vector` and compares all that it has.
 pub fn compare(scene: &Arc<Scene>, vector: &Vector, policy: &Policy<'_>, place: &str, report: &mut Report) {
-    let Ok(mut episode) = Episode::new(Arc::clone(scene), &Protocol::Paper) else {
-        report.add(0, END, f64::INFINITY, format_args!("{place}: it cannot be driven"));
-        return;
+    let mut episode = match Episode::new(Arc::clone(scene), &Protocol::Paper) {
+        Ok(episode) => episode,
+        Err(error) => return report.add(0, END, f64::INFINITY, format_args!("{place}: {error}")),
     };
     let mut driver = policy;
     for step in 0..=vector.end.steps {
@@ -50,7 +50,8 @@ pub fn compare(scene: &Arc<Scene>, vector: &Vector, policy: &Policy<'_>, place: 
         let mut add = |quantity, deviation| report.add(0, quantity, deviation, &place);
         let observation = episode.observe();
         add(STATES, worst_deviation(numbers(&observation.av), &vector.states[step], absolute));
-        if let Some(sight) = episode.paper_sight() {
+        let lost = step.checked_sub(1).is_some_and(|before| vector.verdicts[before].route_distance.is_nan());
+        if let Some(sight) = episode.paper_sight().filter(|_| !lost) {
             compare_sight(sight, &vector.sights[step], &mut add);
             if let Some(stored) = vector.observations.iter().find(|stored| stored.step == step) {
                 compare_observation(scene, &observation, sight, stored, &mut add);
@@ -90,14 +91,15 @@ fn compare_verdict(record: &StepRecord, sight: Option<&Sight>, verdict: &Verdict
     let collision = record.collision == verdict.collision || verdict.collision_margin.abs() < CLOSE_CONTACT;
     let near = (verdict.route_distance - OFF_ROUTE).abs() < CLOSE_TO_OFF_ROUTE;
     add(FLAGS, differences([collision, record.off_route == verdict.off_route || near]));
+    if verdict.route_distance.is_nan() {
+        return;
+    }
     // Without neighbors there is no margin.
     let margin = sight.and_then(|sight| sight.collision_margin);
     if verdict.collision_margin.is_finite() || margin.is_some() {
         add(MARGIN, (margin.unwrap_or(f64::INFINITY) - verdict.collision_margin).abs());
     }
-    if !verdict.route_distance.is_nan() {
-        add(DISTANCE, (record.route_distance - verdict.route_distance).abs());
-    }
+    add(DISTANCE, (record.route_distance - verdict.route_distance).abs());
 }
 
 fn compare_observation(
@@ -185,11 +187,6 @@ fn position_errors(records: &[StepRecord], scene: &Scene) -> Vec<f64> {
 
 fn numbers(av: &AgentState) -> [f64; 8] {
     [av.x, av.y, av.heading, av.velocity_x, av.velocity_y, av.length, av.width, av.height]
-}
-
-/// As the authors store it.
-fn single(value: f64) -> f64 {
-    f64::from(value as f32)
 }
 
 fn differences(same: impl IntoIterator<Item = bool>) -> f64 {

@@ -23,10 +23,14 @@ pub fn compare(scene: &Scene, npz: &Npz, report: &mut Report) -> Result<(), NpzE
     let poses = scene.av().states.iter().map(|state| state.map(|state| state.pose()));
     let poses = poses.flat_map(|pose| pose.map_or([f64::NAN; 3], |pose| [pose.x, pose.y, pose.heading]));
     add(LOG, worst_deviation(poses, log, absolute));
-    let Ok(route) = Route::of_log(scene, RouteStyle::Paper) else {
-        add(WAYPOINTS, f64::INFINITY);
-        return Ok(());
+    let route = match Route::of_log(scene, RouteStyle::Paper) {
+        Ok(route) => route,
+        Err(error) => {
+            report.add(0, WAYPOINTS, f64::INFINITY, format_args!("{}: {error}", scene.id()));
+            return Ok(());
+        }
     };
+    let mut add = |quantity, deviation| report.add(0, quantity, deviation, scene.id());
     add(WAYPOINTS, worst_deviation(route.waypoints().iter().flat_map(|point| [point.x, point.y]), waypoints, absolute));
     let line = &route.line;
     if line.len() != rows.len() {

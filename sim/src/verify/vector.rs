@@ -51,6 +51,7 @@ pub struct Verdict {
     pub collision: bool,
     pub off_route: bool,
     pub collision_margin: f64,
+    /// NaN where there was no route any more: then nothing else was judged.
     pub route_distance: f64,
 }
 
@@ -143,7 +144,7 @@ impl Vector {
         let text = fs::read(json).map_err(|source| VerifyError::Json { path: json.to_owned(), source })?;
         let content = |source| VerifyError::JsonContent { path: json.to_owned(), source };
         let end: Json = serde_json::from_slice(&text).map_err(content)?;
-        let moments = end.steps + 1;
+        let moments = end.steps.saturating_add(1);
         Ok(Self {
             states: npz.rows("av_state", &[Some(moments), Some(8)])?.to_vec(),
             sights: sights(npz, moments)?,

@@ -203,7 +203,7 @@ impl Hub {
     /// A line for the episode `scene` on `worker`. With `expects_prediction` each step waits for a prediction too.
     ///
     /// # Errors
-    /// [`LineError::Busy`] where this episode is already open on this worker.
+    /// [`LineError::Busy`] where this episode is already open on this worker, [`LineError::Bus`] where the session is closed.
     pub fn episode(
         &self,
         worker: &Worker,

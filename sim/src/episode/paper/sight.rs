@@ -3,6 +3,7 @@
 
 use std::cmp::Ordering;
 
+use world::authors_frame::single;
 use world::geometry::Point;
 use world::map::MapId;
 use world::map_matching::LanePoints;
@@ -48,7 +49,6 @@ pub(super) struct Surroundings {
 impl Surroundings {
     pub(super) fn new(scene: &Scene) -> Result<Self, RouteError> {
         let route = Route::of_log(scene, RouteStyle::Paper)?;
-        let single = |value: f64| f64::from(value as f32);
         let stored = route.line.x.iter().zip(&route.line.y).map(|(x, y)| Point::new(single(*x), single(*y)));
         Ok(Self {
             stored: stored.collect(),
