@@ -33,8 +33,9 @@ use self::vector::Vector;
 pub enum VerifyError {
     #[error(transparent)]
     Folder(#[from] FolderError),
-    #[error(transparent)]
-    Set(#[from] SetError),
+    // It names its cause itself.
+    #[error("{0}")]
+    Set(SetError),
     #[error(transparent)]
     Npz(#[from] NpzError),
     #[error("cannot read {path}")]
@@ -52,7 +53,7 @@ pub enum VerifyError {
 /// # Errors
 /// [`VerifyError`]; a deviation is no error.
 pub fn verify(scenarios: &[String], folder: &Path) -> Result<Report, VerifyError> {
-    let set = SceneSet::open(scenarios)?;
+    let set = SceneSet::open(scenarios).map_err(VerifyError::Set)?;
     let files = npz_files(folder)?;
     let mut report = Report::new(&["deviation"], &[]);
     let mut compared = false;
@@ -67,7 +68,7 @@ pub fn verify(scenarios: &[String], folder: &Path) -> Result<Report, VerifyError
             continue;
         }
         compared = true;
-        let (scene, _) = set.load(index)?;
+        let (scene, _) = set.load(index).map_err(VerifyError::Set)?;
         if let Some(route) = route {
             route::compare(&scene, &Npz::read(&route)?, &mut report)?;
         }
