@@ -24,6 +24,8 @@ impl FileError {
 }
 
 /// A file that is being written. Dropped, it stays under its partial name.
+///
+/// A device or a pipe (`/dev/null`) has no partial name: it is written to as it is, for a rename would put a file in its place.
 pub struct PartialFile {
     file: File,
     partial: PathBuf,
@@ -37,7 +39,9 @@ impl PartialFile {
     /// [`FileError`].
     pub fn create(path: &Path) -> Result<Self, FileError> {
         let mut partial = path.as_os_str().to_owned();
-        partial.push(".partial");
+        if fs::metadata(path).map_or(true, |there| there.is_file() || there.is_dir()) {
+            partial.push(".partial");
+        }
         let partial = PathBuf::from(partial);
         let file = File::create(&partial).map_err(FileError::at("create", &partial))?;
         Ok(Self { file, partial, path: path.to_owned() })
@@ -56,6 +60,9 @@ impl PartialFile {
     /// # Errors
     /// [`FileError`].
     pub fn commit(self) -> Result<(), FileError> {
+        if self.partial == self.path {
+            return Ok(());
+        }
         self.file.sync_all().map_err(FileError::at("sync", &self.partial))?;
         fs::rename(&self.partial, &self.path).map_err(FileError::at("rename", &self.partial))?;
         // The name itself must survive a power cut too.
@@ -70,5 +77,35 @@ impl PartialFile {
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_has_its_name_when_it_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.rrd");
+        let mut file = PartialFile::create(&path).unwrap();
+        file.append(b"whole").unwrap();
+        assert!(!path.exists());
+        file.commit().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"whole");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_device_is_written_to_and_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("null");
+        std::os::unix::fs::symlink("/dev/null", &path).unwrap();
+        let mut file = PartialFile::create(&path).unwrap();
+        file.append(b"nothing").unwrap();
+        file.commit().unwrap();
+        assert!(path.is_symlink());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 }
