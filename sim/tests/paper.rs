@@ -158,8 +158,12 @@ fn more_than_five_metres_from_the_line_is_off_route() {
 }
 
 #[test]
-fn a_pose_out_of_this_world_is_off_route() {
-    for x in [1e9, -1e200, f64::MAX] {
+fn a_pose_at_the_end_of_the_world_is_off_route_and_one_beyond_it_no_plan() {
+    for x in [1.1e7, -1e200, f64::MAX] {
+        let outcome = run(&StraightRoad::new(), &mut To(|_: &Observation| Pose::new(x, 0.0, 0.0)));
+        assert_eq!((outcome.end.reason(), outcome.end.steps), (EndReason::DriverFailed, 0), "{x}");
+    }
+    for x in [1e7, -1e7] {
         let outcome = run(&StraightRoad::new(), &mut To(|_: &Observation| Pose::new(x, 0.0, x)));
         assert_eq!((outcome.end.reason(), outcome.end.steps), (EndReason::OffRoute, 1), "{x}");
         let record = outcome.records[0];

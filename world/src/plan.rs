@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use crate::geometry::Pose;
-use crate::scene::TrackId;
+use crate::scene::{LARGEST_NUMBER, TrackId, is_in_range};
 
 /// Length of a step (s).
 pub const STEP_SECONDS: f64 = 0.1;
@@ -57,7 +57,7 @@ pub struct UncheckedPlan {
     pub diagnostics: Diagnostics,
 }
 
-/// A plan that is whole: [`PLAN_STEPS`] finite states, and as many finite controls or none.
+/// A plan that is whole: [`PLAN_STEPS`] states, and as many controls or none, of numbers up to [`LARGEST_NUMBER`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan(UncheckedPlan);
 
@@ -82,9 +82,9 @@ pub enum AnswerError {
         /// As many as came.
         got: usize,
     },
-    /// A number is infinite or not a number.
-    #[error("{what} {index} is not finite")]
-    NotFinite {
+    /// A number is infinite, not a number, or beyond [`LARGEST_NUMBER`].
+    #[error("{what} {index} is not finite, or beyond {LARGEST_NUMBER:e}")]
+    OutOfRange {
         /// Of what.
         what: &'static str,
         /// Which one, from 0.
@@ -109,10 +109,8 @@ impl UncheckedPlan {
         if !self.controls.is_empty() {
             check_length("controls", PLAN_STEPS, self.controls.len())?;
         }
-        let finite = |s: &PlanState| [s.x, s.y, s.heading, s.speed].iter().all(|v| v.is_finite());
-        check_finite("state", self.states.iter().position(|s| !finite(s)))?;
-        let finite = |c: &Control| c.acceleration.is_finite() && c.steering.is_finite();
-        check_finite("control", self.controls.iter().position(|c| !finite(c)))?;
+        check_range("state", &self.states, |s| [s.x, s.y, s.heading, s.speed])?;
+        check_range("control", &self.controls, |c| [c.acceleration, c.steering])?;
         Ok(Plan(self))
     }
 }
@@ -180,7 +178,8 @@ pub struct UncheckedPrediction {
     pub cost_weights: Vec<f64>,
 }
 
-/// A prediction that is whole: every trajectory has [`PLAN_STEPS`] finite poses, probabilities sum to 1.
+/// A prediction that is whole: every trajectory has [`PLAN_STEPS`] poses of numbers up to [`LARGEST_NUMBER`], probabilities
+/// sum to 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction(UncheckedPrediction);
 
@@ -193,8 +192,7 @@ impl UncheckedPrediction {
         check_step(step, self.step)?;
         for trajectory in self.futures.iter().flat_map(|future| &future.trajectories) {
             check_length("poses", PLAN_STEPS, trajectory.poses.len())?;
-            let finite = |p: &Pose| p.x.is_finite() && p.y.is_finite() && p.heading.is_finite();
-            check_finite("pose", trajectory.poses.iter().position(|p| !finite(p)))?;
+            check_range("pose", &trajectory.poses, |p| [p.x, p.y, p.heading])?;
         }
         if !self.futures.is_empty() {
             let sum: f64 = self.futures.iter().map(|future| future.probability).sum();
@@ -207,9 +205,8 @@ impl UncheckedPrediction {
         if !self.initial_controls.is_empty() {
             check_length("initial controls", PLAN_STEPS, self.initial_controls.len())?;
         }
-        let finite = |c: &Control| c.acceleration.is_finite() && c.steering.is_finite();
-        check_finite("initial control", self.initial_controls.iter().position(|c| !finite(c)))?;
-        check_finite("cost weight", self.cost_weights.iter().position(|w| !w.is_finite()))?;
+        check_range("initial control", &self.initial_controls, |c| [c.acceleration, c.steering])?;
+        check_range("cost weight", &self.cost_weights, |w| [*w])?;
         Ok(Prediction(self))
     }
 }
@@ -262,8 +259,15 @@ fn check_length(what: &'static str, expected: usize, got: usize) -> Result<(), A
     if expected == got { Ok(()) } else { Err(AnswerError::WrongLength { what, expected, got }) }
 }
 
-fn check_finite(what: &'static str, bad: Option<usize>) -> Result<(), AnswerError> {
-    bad.map_or(Ok(()), |index| Err(AnswerError::NotFinite { what, index }))
+fn check_range<T, const N: usize>(
+    what: &'static str,
+    items: &[T],
+    numbers: impl Fn(&T) -> [f64; N],
+) -> Result<(), AnswerError> {
+    match items.iter().position(|item| !numbers(item).into_iter().all(is_in_range)) {
+        Some(index) => Err(AnswerError::OutOfRange { what, index }),
+        None => Ok(()),
+    }
 }
 
 #[cfg(test)]
@@ -306,10 +310,13 @@ mod tests {
     fn a_plan_with_a_number_that_is_none_is_refused() {
         let mut bad = plan();
         bad.states[3].speed = f64::NAN;
-        assert_eq!(bad.check(7), Err(AnswerError::NotFinite { what: "state", index: 3 }));
+        assert_eq!(bad.check(7), Err(AnswerError::OutOfRange { what: "state", index: 3 }));
+        let mut bad = plan();
+        bad.states[9].x = -1e8;
+        assert_eq!(bad.check(7), Err(AnswerError::OutOfRange { what: "state", index: 9 }));
         let mut bad = UncheckedPlan { controls: vec![Control::default(); PLAN_STEPS], ..plan() };
         bad.controls[49].steering = f64::INFINITY;
-        assert_eq!(bad.check(7), Err(AnswerError::NotFinite { what: "control", index: 49 }));
+        assert_eq!(bad.check(7), Err(AnswerError::OutOfRange { what: "control", index: 49 }));
     }
 
     #[test]
@@ -337,14 +344,14 @@ mod tests {
         assert_eq!(short.check(0), Err(AnswerError::WrongLength { what: "poses", expected: PLAN_STEPS, got: 49 }));
         let mut bad = prediction(&[1.0]);
         bad.futures[0].trajectories[0].poses[5].heading = f64::NAN;
-        assert_eq!(bad.check(0), Err(AnswerError::NotFinite { what: "pose", index: 5 }));
+        assert_eq!(bad.check(0), Err(AnswerError::OutOfRange { what: "pose", index: 5 }));
         let short = UncheckedPrediction { initial_controls: vec![Control::default()], ..prediction(&[1.0]) };
         let expected = AnswerError::WrongLength { what: "initial controls", expected: PLAN_STEPS, got: 1 };
         assert_eq!(short.check(0), Err(expected));
         let wild = Control { acceleration: f64::NAN, steering: 0.0 };
         let bad = UncheckedPrediction { initial_controls: vec![wild; PLAN_STEPS], ..prediction(&[1.0]) };
-        assert_eq!(bad.check(0), Err(AnswerError::NotFinite { what: "initial control", index: 0 }));
+        assert_eq!(bad.check(0), Err(AnswerError::OutOfRange { what: "initial control", index: 0 }));
         let bad = UncheckedPrediction { cost_weights: vec![1.0, f64::INFINITY], ..prediction(&[1.0]) };
-        assert_eq!(bad.check(0), Err(AnswerError::NotFinite { what: "cost weight", index: 1 }));
+        assert_eq!(bad.check(0), Err(AnswerError::OutOfRange { what: "cost weight", index: 1 }));
     }
 }

@@ -137,9 +137,18 @@ impl AgentState {
     fn is_usable(&self) -> bool {
         let numbers = [self.x, self.y, self.z, self.heading, self.velocity_x, self.velocity_y];
         let sizes = [self.length, self.width, self.height];
-        // 1e7 m is past any map; beyond it squares of distances lose their millimetres.
-        numbers.iter().all(|v| v.is_finite() && v.abs() <= 1e7) && sizes.iter().all(|v| (0.0..=1e3).contains(v))
+        numbers.into_iter().all(is_in_range) && sizes.iter().all(|v| (0.0..=1e3).contains(v))
     }
+}
+
+/// The largest number that a place, a heading, a speed or a control may have: 1e7 m is past any map, and beyond it squares of
+/// distances lose their millimetres.
+pub const LARGEST_NUMBER: f64 = 1e7;
+
+/// Whether `value` is a number of at most [`LARGEST_NUMBER`], either way.
+#[must_use]
+pub fn is_in_range(value: f64) -> bool {
+    value.abs() <= LARGEST_NUMBER
 }
 
 /// A logged road user over time.

@@ -8,6 +8,13 @@ const MAX_CELLS_PER_AXIS: f64 = 512.0;
 /// Cells for each thing at most: a walk over a huge map of a few points must not pass through a void cell by cell.
 const MAX_CELLS_PER_THING: f64 = 16.0;
 
+/// Members for each thing at most, on average; beyond that cells are made larger. A hostile map of long segments would fill all
+/// cells otherwise.
+const MAX_MEMBERS_PER_THING: usize = 16;
+
+/// Members that any grid may have.
+const FREE_MEMBERS: usize = 1 << 16;
+
 /// Slack for the rounding of cell borders (m).
 const HAIR: f64 = 1e-6;
 
@@ -38,16 +45,29 @@ impl Cells {
         let (low, high) = bounds(points);
         let (width, height) = (high.x - low.x, high.y - low.y);
         let sparse = (width * height / (MAX_CELLS_PER_THING * (count + 1) as f64)).sqrt();
-        let cell = cell.max(width.max(height) / MAX_CELLS_PER_AXIS).max(sparse).max(1e-3);
-        let cells_along = |low: f64, high: f64| ((high - low) / cell) as usize + 1;
-        let (columns, rows) = (cells_along(low.x, high.x), cells_along(low.y, high.y));
-        let mut cells =
-            Self { origin: low, cell, columns, rows, starts: vec![0; columns * rows + 1], members: Vec::new() };
+        let mut cell = cell.max(width.max(height) / MAX_CELLS_PER_AXIS).max(sparse).max(1e-3);
+        let most_members = FREE_MEMBERS + MAX_MEMBERS_PER_THING * count;
         // A counting sort: how many in each cell, then where each cell begins, then who.
-        let mut starts = std::mem::take(&mut cells.starts);
-        for thing in 0..count {
-            visit_cells(&cells, thing, &mut |(column, row)| starts[row * columns + column + 1] += 1);
-        }
+        let (mut cells, mut starts) = loop {
+            let cells_along = |low: f64, high: f64| ((high - low) / cell) as usize + 1;
+            let (columns, rows) = (cells_along(low.x, high.x), cells_along(low.y, high.y));
+            let cells = Self { origin: low, cell, columns, rows, starts: Vec::new(), members: Vec::new() };
+            let (mut starts, mut total) = (vec![0_u32; columns * rows + 1], 0);
+            for thing in 0..count {
+                visit_cells(&cells, thing, &mut |(column, row)| {
+                    starts[row * columns + column + 1] += 1;
+                    total += 1;
+                });
+                if total > most_members {
+                    break;
+                }
+            }
+            // In a single cell each thing is once.
+            if total <= most_members || columns * rows == 1 {
+                break (cells, starts);
+            }
+            cell *= 2.0;
+        };
         for cell in 1..starts.len() {
             starts[cell] += starts[cell - 1];
         }
@@ -55,7 +75,7 @@ impl Cells {
         let mut next = starts.clone();
         for thing in 0..count {
             visit_cells(&cells, thing, &mut |(column, row)| {
-                let place = &mut next[row * columns + column];
+                let place = &mut next[row * cells.columns + column];
                 members[*place as usize] = thing as u32;
                 *place += 1;
             });
@@ -154,6 +174,11 @@ impl Cells {
                 sides.for_each(|x| visit((x as usize, y as usize)));
             }
         }
+    }
+
+    #[cfg(test)]
+    pub(super) fn member_count(&self) -> usize {
+        self.members.len()
     }
 
     #[cfg(test)]

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::{Finding, Scene, SceneError, SceneId, SceneParts, TrackId};
+use super::{Finding, Scene, SceneError, SceneId, SceneParts, TrackId, is_in_range};
 use crate::geometry::Point3;
 use crate::map::{Lane, MapId};
 
@@ -82,8 +82,7 @@ impl SceneParts {
         let map = &mut self.map;
         let mut seen = BTreeSet::new();
         let mut keep = |id: MapId, points: &[Point3]| {
-            let usable = |v: f64| v.is_finite() && v.abs() <= 1e7;
-            if points.is_empty() || !points.iter().all(|p| usable(p.x) && usable(p.y) && usable(p.z)) {
+            if points.is_empty() || !points.iter().all(|p| [p.x, p.y, p.z].into_iter().all(is_in_range)) {
                 findings.push(Finding::BadFeature(id));
                 return false;
             }
@@ -134,7 +133,7 @@ impl SceneParts {
         for (step, signals) in self.signals.iter_mut().enumerate() {
             signals.retain(|signal| {
                 let point = signal.stop_point;
-                let usable = [point.x, point.y, point.z].iter().all(|v| v.is_finite() && v.abs() <= 1e7);
+                let usable = [point.x, point.y, point.z].into_iter().all(is_in_range);
                 if !usable {
                     findings.push(Finding::BadSignal { lane: signal.lane, step });
                     return false;

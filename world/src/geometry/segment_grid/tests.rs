@@ -62,6 +62,15 @@ fn a_far_outlier_makes_cells_larger_instead_of_more() {
     assert_eq!(wide.nearest(Point::new(1e7 + 2.0, 1e7), 5.0).unwrap().payload, 1);
 }
 
+#[test]
+fn long_segments_across_each_other_make_cells_larger_instead_of_fuller() {
+    let zigzag: Vec<(f64, f64)> =
+        (0..2_001).map(|k| if k % 2 == 0 { (0.0, f64::from(k)) } else { (1e7, 1e7) }).collect();
+    let dense = grid(&[&zigzag], 1.0);
+    assert!(dense.cells.member_count() <= 16 * 2_000 + 65_536, "{}", dense.cells.member_count());
+    assert_eq!(dense.nearest(Point::new(-2.0, 1_000.0), 5.0).unwrap().distance(), 2.0);
+}
+
 fn chains() -> impl Strategy<Value = Vec<Vec<(f64, f64)>>> {
     prop::collection::vec(prop::collection::vec((-40.0..40.0, -40.0..40.0), 1..6), 1..12)
 }
