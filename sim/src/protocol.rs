@@ -43,6 +43,15 @@ impl Protocol {
         }
     }
 
+    /// Which settings are not as usual, as `key = value`.
+    #[must_use]
+    pub fn changes(&self) -> Vec<String> {
+        match self {
+            Self::Strict(settings) => settings.changes(),
+            Self::Paper => Vec::new(),
+        }
+    }
+
     /// # Errors
     /// [`SettingError`] names the first setting that makes no sense.
     pub fn check(&self) -> Result<(), SettingError> {
@@ -145,6 +154,16 @@ impl Default for StrictSettings {
 }
 
 impl StrictSettings {
+    /// What is not as usual, as `key = value`, but for the motion, which tables name themselves.
+    #[must_use]
+    pub fn changes(&self) -> Vec<String> {
+        let usual = Self { motion: self.motion, ..Self::default() };
+        let table = |settings: &Self| toml::Table::try_from(settings).unwrap_or_default();
+        let usual = table(&usual);
+        let changed = table(self).into_iter().filter(|(key, value)| usual.get(key) != Some(value));
+        changed.map(|(key, value)| format!("{key} = {value}")).collect()
+    }
+
     /// What the AV can do.
     #[must_use]
     pub fn limits(&self) -> Limits {
@@ -156,13 +175,13 @@ impl StrictSettings {
     }
 
     /// How an AV of `length` (m) moves.
-    #[must_use]
-    pub fn vehicle(&self, length: f64) -> BicycleModel {
-        BicycleModel {
-            acceleration_clip: self.max_acceleration,
-            steering_clip: self.max_steering,
-            ..BicycleModel::new(self.wheelbase.of(length))
-        }
+    ///
+    /// # Errors
+    /// [`SettingError`] where the wheelbase is a share of a length that the log does not know.
+    pub fn vehicle(&self, length: f64) -> Result<BicycleModel, SettingError> {
+        let wheelbase = positive("wheelbase", self.wheelbase.of(length))?;
+        let limits = (self.max_acceleration, self.max_steering);
+        Ok(BicycleModel { acceleration_clip: limits.0, steering_clip: limits.1, ..BicycleModel::new(wheelbase) })
     }
 }
 
@@ -175,15 +194,13 @@ pub struct SettingError {
     needed: &'static str,
 }
 
+fn positive(setting: &'static str, value: f64) -> Result<f64, SettingError> {
+    let needed = "finite and above 0";
+    if value.is_finite() && value > 0.0 { Ok(value) } else { Err(SettingError { setting, value, needed }) }
+}
+
 impl StrictSettings {
     fn check(&self) -> Result<(), SettingError> {
-        let positive = |setting, value: f64| {
-            if value.is_finite() && value > 0.0 {
-                Ok(())
-            } else {
-                Err(SettingError { setting, value, needed: "finite and above 0" })
-            }
-        };
         positive("horizon", f64::from(self.horizon))?;
         positive("wheelbase", self.wheelbase.of(1.0))?;
         positive("max-acceleration", self.max_acceleration)?;

@@ -148,6 +148,52 @@ fn crossing_at_red_is_seen_and_netted_if_the_human_did_it() {
 }
 
 #[test]
+fn a_crossing_that_nobody_saw_is_no_excuse() {
+    let mut av = car(0.0, 0.0, 0.0, 10.0);
+    av.motion = Box::new(|time| (!(3.0..4.5).contains(&time)).then_some((10.0 * time, 0.0, 0.0, 10.0)));
+    let outcome = run(&StraightRoad { red_at: Some(40.0), av, ..StraightRoad::new() }, &mut straight_on());
+    assert_eq!(metric(&outcome, "red_light"), Some(1.0));
+}
+
+#[test]
+fn who_leaves_the_route_has_no_score_to_keep() {
+    // Within the lane and the road all the time, so that no term of the score is lost.
+    let settings = StrictSettings { off_route_distance: 1.2, ..StrictSettings::default() };
+    let outcome = run_with(&StraightRoad::new().scene(), settings, &mut to_lateral(-1.4));
+    assert_eq!(outcome.end.reason(), EndReason::OffRoute);
+    assert_eq!(metric(&outcome, "nuplan_drivable_area"), Some(1.0));
+    assert_eq!(metric(&outcome, "nuplan_score"), Some(0.0));
+}
+
+#[test]
+fn a_drive_too_short_to_be_felt_has_no_score_unless_it_is_lost_already() {
+    let short = |steps| run(&StraightRoad { steps, ..StraightRoad::new() }, &mut straight_on());
+    for steps in 21..=23 {
+        let outcome = short(steps);
+        assert_eq!((metric(&outcome, "nuplan_comfort"), metric(&outcome, "nuplan_score")), (None, None), "{steps}");
+    }
+    assert_eq!(metric(&short(24), "nuplan_score"), Some(1.0));
+    let blocked = slow_log().with(car(5.5, 0.0, 0.0, 0.0));
+    let outcome = run(&blocked, &mut straight_on());
+    assert_eq!((outcome.end.reason(), outcome.end.steps), (EndReason::Collision, 1));
+    assert_eq!(metric(&outcome, "nuplan_score"), Some(0.0));
+}
+
+#[test]
+fn progress_is_compared_as_long_as_the_human_is_there() {
+    // The human is seen for 10 s at 10 m/s; ours brakes to 5 m/s within 5 s and has 62.5 m by then, 87.5 m at the end.
+    let mut av = car(0.0, 0.0, 0.0, 10.0);
+    av.motion = Box::new(|time| (time < 10.05).then_some((10.0 * time, 0.0, 0.0, 10.0)));
+    let braking =
+        &mut Controls(|o: &Observation| Control { acceleration: if o.step < 50 { -1.0 } else { 0.0 }, steering: 0.0 });
+    let outcome = run(&StraightRoad { av, ..StraightRoad::new() }, braking);
+    assert_eq!(outcome.end.reason(), EndReason::Horizon);
+    assert!((metric(&outcome, "route_progress_m").unwrap() - 87.5).abs() < 0.5);
+    assert!((metric(&outcome, "nuplan_progress").unwrap() - 0.625).abs() < 5e-3);
+    assert!((metric(&outcome, "progress_ratio").unwrap() - 0.625).abs() < 5e-3);
+}
+
+#[test]
 fn leaving_the_road_is_seen_before_leaving_the_route_ends_the_drive() {
     let outcome = run(&StraightRoad::new(), &mut to_lateral(-9.0));
     assert_eq!(outcome.end.reason(), EndReason::OffRoute);

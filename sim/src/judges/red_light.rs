@@ -9,6 +9,9 @@ use world::scene::Scene;
 /// A crossing further to the side than this (m) is of another lane.
 const HALF_WIDTH: f64 = 2.5;
 
+/// Stop points nearer to each other than this (m) are one.
+const SAME_PLACE: f64 = 0.5;
+
 /// A stop point that shows red.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RedStop {
@@ -19,6 +22,12 @@ pub struct RedStop {
 }
 
 impl RedStop {
+    /// Whether both are one place where cars stop: lanes that part behind it share it.
+    #[must_use]
+    pub fn is_same_place(&self, other: &Self) -> bool {
+        self.lane == other.lane || self.point.distance(other.point) < SAME_PLACE
+    }
+
     /// Whether a front bumper that moves from `before` to `after` crosses it.
     #[must_use]
     pub fn is_crossed(&self, before: Point, after: Point) -> bool {
@@ -54,13 +63,13 @@ impl RedStops {
         Self { steps: steps.collect() }
     }
 
-    /// The first stop that a front bumper crosses on its way from `before` (at `log_index`) to `after` (one later). It must
-    /// show red at both ends of the step: who enters on yellow is not blamed.
-    #[must_use]
-    pub fn crossed(&self, log_index: usize, before: Point, after: Point) -> Option<RedStop> {
-        let (now, later) = (self.steps.get(log_index)?, self.steps.get(log_index + 1)?);
-        let still_red = |stop: &&RedStop| now.iter().any(|earlier| earlier.lane == stop.lane);
-        later.iter().filter(still_red).find(|stop| stop.is_crossed(before, after)).copied()
+    /// The stops that a front bumper crosses on its `way` from before a step to after it, at `log_index`. They must show red at
+    /// both ends of the step: who enters on yellow is not blamed.
+    pub fn crossed(&self, log_index: usize, way: Segment) -> impl Iterator<Item = &RedStop> {
+        let at = |index: Option<usize>| index.and_then(|index| self.steps.get(index)).map_or(&[][..], Vec::as_slice);
+        let (before, after) = (at(log_index.checked_sub(1)), at(Some(log_index)));
+        let still_red = |stop: &&RedStop| before.iter().any(|earlier| earlier.lane == stop.lane);
+        after.iter().filter(still_red).filter(move |stop| stop.is_crossed(way.start, way.end))
     }
 }
 
@@ -95,7 +104,17 @@ mod tests {
     fn it_must_be_red_before_and_after_the_step() {
         let stops =
             |red: [bool; 2]| RedStops { steps: red.map(|red| if red { vec![STOP] } else { Vec::new() }).to_vec() };
-        let crossed = |red| stops(red).crossed(0, Point::new(9.9, 0.0), Point::new(10.1, 0.0)).is_some();
+        let way = Segment { start: Point::new(9.9, 0.0), end: Point::new(10.1, 0.0) };
+        let crossed = |red| stops(red).crossed(1, way).count() == 1;
         assert!(crossed([true, true]) && !crossed([false, true]) && !crossed([true, false]));
+        assert_eq!(stops([true, true]).crossed(0, way).count(), 0, "nobody knows how it came to the first step");
+        assert_eq!(stops([true, true]).crossed(7, way).count(), 0, "the log is over");
+    }
+
+    #[test]
+    fn lanes_that_share_a_stop_point_are_one_place() {
+        let other = RedStop { lane: MapId(2), ..STOP };
+        assert!(STOP.is_same_place(&other));
+        assert!(!STOP.is_same_place(&RedStop { point: Point::new(10.0, 3.5), ..other }));
     }
 }

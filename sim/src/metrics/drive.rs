@@ -21,8 +21,17 @@ pub struct Drive<'a> {
     pub human: &'a [Option<Pose>],
     /// Arc length along the reference line at the start (m).
     pub start_station: f64,
-    /// The logged AV's progress along the reference line (m), to the horizon or the log's end.
-    pub human_route_progress: Option<f64>,
+    /// The logged AV's progress along the reference line (m), and the log index where it was last there, up to the horizon.
+    pub human_route_progress: Option<(f64, usize)>,
+}
+
+impl Drive<'_> {
+    /// Progress along the reference line (m), no longer than the logged AV is there to compare with.
+    fn compared_progress(&self) -> Option<f64> {
+        let (_, last) = self.human_route_progress?;
+        let compared = self.records.iter().rev().find(|record| record.log_index as usize <= last);
+        Some(compared.map_or(0.0, |record| record.station - self.start_station))
+    }
 }
 
 /// What the metrics say of a drive, before it is put into the table.
@@ -44,6 +53,8 @@ pub struct Facts {
     pub position_errors: [Option<f64>; 3],
     pub route_progress: Option<f64>,
     pub human_route_progress: Option<f64>,
+    /// Route progress as long as the human was there too.
+    pub compared_progress: Option<f64>,
     pub speed_limit_compliance: Option<f64>,
     pub time_to_collision: Option<f64>,
     pub extremes: Option<comfort::Extremes>,
@@ -77,7 +88,8 @@ impl Facts {
             human_comfort: human.map(|human| paper::comfort(&human)).unwrap_or_default(),
             position_errors: [3, 5, 10].map(position_error),
             route_progress: records.last().map(|record| record.station - drive.start_station),
-            human_route_progress: drive.human_route_progress,
+            human_route_progress: drive.human_route_progress.map(|(progress, _)| progress),
+            compared_progress: drive.compared_progress(),
             speed_limit_compliance: speed_limit_compliance(records),
             time_to_collision: records.iter().filter_map(|record| record.time_to_collision).reduce(f64::min),
             extremes: comfort::Extremes::of(&records.iter().map(sample).collect::<Vec<_>>()),
@@ -91,13 +103,21 @@ impl Facts {
     #[must_use]
     pub fn progress_ratio(&self) -> Option<f64> {
         let human = self.human_route_progress.filter(|human| *human >= nuplan::LEAST_PROGRESS)?;
-        self.route_progress.map(|progress| progress / human)
+        self.compared_progress.map(|progress| progress / human)
+    }
+
+    /// nuPlan's composite score. A drive that left the route has none of it: what it would have done on its way is not driven.
+    /// One too short to be felt has no score, unless it already lost it.
+    #[must_use]
+    pub fn score(&self) -> Option<f64> {
+        let score = if self.off_route { 0.0 } else { self.terms?.score() };
+        (self.extremes.is_some() || score == 0.0).then_some(score)
     }
 
     fn terms_of(&self, drive: &Drive<'_>) -> Option<nuplan::Terms> {
         // Without a human's route nuPlan gives the term away.
         let progress = match self.human_route_progress {
-            Some(human) => nuplan::progress(self.route_progress?, human),
+            Some(human) => nuplan::progress(self.compared_progress?, human),
             None => 1.0,
         };
         let records = drive.records;
@@ -112,7 +132,7 @@ impl Facts {
             progress,
             time_to_collision: score(self.time_to_collision.is_none_or(|time| time >= LEAST_TIME_TO_COLLISION)),
             speed_limit: nuplan::speed_limit(&overspeed),
-            // Too short a drive to filter: only one that ended at fault is, and that takes the whole score.
+            // Too short a drive to filter has none, and no score.
             comfort: score(self.extremes.is_none_or(|extremes| extremes.are_comfortable())),
         })
     }

@@ -96,8 +96,8 @@ pub const METRICS: &[Metric] = metrics![
     "nuplan_progress", "", "EP: route progress over the human's, both at least 2 m, at most 1", |f| f.terms.map(|t| t.progress);
     "nuplan_time_to_collision", "", "TTC: 1 if the time to collision never falls below 0.95 s", |f| f.terms.map(|t| t.time_to_collision);
     "nuplan_speed_limit", "", "SL: 1 less the mean speed above the limit over 2.23 m/s, at least 0", |f| f.terms.map(|t| t.speed_limit);
-    "nuplan_comfort", "", "C: 1 if all seven filtered extremes are within their bounds", |f| f.terms.map(|t| t.comfort);
-    "nuplan_score", "", "NC DAC DDC MP (5 EP + 5 TTC + 4 SL + 2 C) / 16", |f| f.terms.map(|t| t.score());
+    "nuplan_comfort", "", "C: 1 if all seven filtered extremes are within their bounds", |f| f.extremes.and(f.terms).map(|t| t.comfort);
+    "nuplan_score", "", "NC DAC DDC MP (5 EP + 5 TTC + 4 SL + 2 C) / 16; 0 after leaving the route; none of fewer than 4 steps", |f| f.score();
 ];
 
 #[cfg(test)]

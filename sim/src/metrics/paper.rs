@@ -9,7 +9,7 @@ use world::plan::STEP_SECONDS;
 #[must_use]
 pub fn progress(poses: &[Pose]) -> Option<f64> {
     let steps = poses.windows(2).map(|pair| pair[0].position().distance(pair[1].position()));
-    (!poses.is_empty()).then(|| steps.sum())
+    (!poses.is_empty()).then(|| steps.fold(0.0, |sum, step| sum + step))
 }
 
 /// How a drive feels.

@@ -1,9 +1,6 @@
 //! What stays the same over an episode, laid out for its steps; and the reading of the AV against it, step by step.
 
-use std::collections::BTreeSet;
-
-use world::geometry::{Point, Point3};
-use world::map::MapId;
+use world::geometry::{Point, Point3, Segment};
 use world::reference_line::SAMPLE_SPACING;
 use world::route::Route;
 use world::scene::Scene;
@@ -44,8 +41,8 @@ pub struct Reading {
     pub lane: LaneReading,
     /// How far the outermost corner is beyond the road's edge (m).
     pub road_edge_distance: Option<f64>,
-    /// The red stop point that was crossed in this step.
-    pub red_stop: Option<RedStop>,
+    /// The way of the front bumper in this step; none where it was not seen a step before.
+    pub front_way: Option<Segment>,
     /// Which rules are broken.
     pub faults: Faults,
 }
@@ -79,6 +76,11 @@ impl Course {
             route,
         }
     }
+
+    /// The stops that an AV so read crosses at red at `log_index`.
+    pub(super) fn red_stops_crossed(&self, log_index: usize, reading: &Reading) -> impl Iterator<Item = &RedStop> {
+        reading.front_way.into_iter().flat_map(move |way| self.red_stops.crossed(log_index, way))
+    }
 }
 
 /// Reads the AV step by step; remembers what a rule needs of the steps before.
@@ -90,8 +92,8 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// The reading of the AV at `log_index`.
-    pub fn read(&mut self, course: &Course, log_index: usize, av: &Body) -> Reading {
+    /// The reading of the AV a step after the last one.
+    pub fn read(&mut self, course: &Course, av: &Body) -> Reading {
         let center = av.outline.center;
         let line = &course.route.line;
         let (sample, route_distance) = match self.sample {
@@ -104,9 +106,7 @@ impl Reader {
         let lane = self.lanes.read(&course.lanes, av);
         let road_edge_distance = course.edges.beyond(av);
         let front = av.outline.front();
-        let red_stop = self.front.zip(log_index.checked_sub(1));
-        let red_stop = red_stop.and_then(|(before, index)| course.red_stops.crossed(index, before, front));
-        self.front = Some(front);
+        let front_way = self.front.replace(front).map(|start| Segment { start, end: front });
         let beyond = |limit: f64| road_edge_distance.is_some_and(|distance| distance > limit);
         Reading {
             sample,
@@ -115,7 +115,7 @@ impl Reader {
             route_distance,
             lane,
             road_edge_distance,
-            red_stop,
+            front_way,
             faults: Faults {
                 off_route: route_distance > course.off_route_distance,
                 off_road: beyond(0.0),
@@ -133,7 +133,7 @@ pub struct Human {
     /// Log index of the first entry.
     start: usize,
     steps: Vec<Option<(Body, Reading)>>,
-    red_stops_crossed: BTreeSet<MapId>,
+    red_stops_crossed: Vec<RedStop>,
 }
 
 impl Human {
@@ -141,11 +141,15 @@ impl Human {
     #[must_use]
     pub fn of(scene: &Scene, course: &Course, start: usize, end: usize) -> Self {
         let mut reader = Reader::default();
-        let mut red_stops_crossed = BTreeSet::new();
+        let mut red_stops_crossed = Vec::new();
         let steps = (start..end).map(|log_index| {
-            let body = Body::of(scene.av().states[log_index]?);
-            let reading = reader.read(course, log_index, &body);
-            red_stops_crossed.extend(reading.red_stop.map(|stop| stop.lane));
+            let Some(state) = scene.av().states[log_index] else {
+                reader.front = None;
+                return None;
+            };
+            let body = Body::of(state);
+            let reading = reader.read(course, &body);
+            red_stops_crossed.extend(course.red_stops_crossed(log_index, &reading).copied());
             Some((body, reading))
         });
         Self { start, steps: steps.collect(), red_stops_crossed }
@@ -167,18 +171,19 @@ impl Human {
         self.at(log_index).map(|(_, reading)| reading.faults).unwrap_or_default()
     }
 
-    /// Whether it crosses the stop point of `lane` at red, at any step. A planner crosses it at another step than the
-    /// human, for the same reason: turning right at red, or a signal that was read wrong.
+    /// Whether it crosses that stop point at red, at any step. A planner crosses it at another step than the human, for the
+    /// same reason: turning right at red, or a signal that was read wrong.
     #[must_use]
-    pub fn crosses_red(&self, lane: MapId) -> bool {
-        self.red_stops_crossed.contains(&lane)
+    pub fn crosses_red(&self, stop: &RedStop) -> bool {
+        self.red_stops_crossed.iter().any(|own| own.is_same_place(stop))
     }
 
-    /// Its progress along the reference line from the start to the last step at which it is there (m).
+    /// Its progress along the reference line from the start to the last step at which it is there (m), and that log index.
     #[must_use]
-    pub fn route_progress(&self) -> Option<f64> {
-        let mut present = self.steps.iter().flatten().map(|(_, reading)| reading.station);
+    pub fn route_progress(&self) -> Option<(f64, usize)> {
+        let mut present = self.steps.iter().enumerate().filter_map(|(step, at)| Some((step, at.as_ref()?.1.station)));
         let first = present.next()?;
-        Some(present.next_back().unwrap_or(first) - first)
+        let last = present.next_back().unwrap_or(first);
+        Some((last.1 - first.1, self.start + last.0))
     }
 }

@@ -59,10 +59,10 @@ impl Strict {
         let route = Route::of_log(scene, RouteStyle::Strict)?;
         let course = Course::of(scene, route, &settings);
         let human = Human::of(scene, &course, start, end);
-        let vehicle = settings.vehicle(state.length);
+        let vehicle = settings.vehicle(state.length)?;
         let av = Body { speed: state.velocity().dot(Point::unit(state.heading)).max(0.0), ..Body::of(state) };
         let mut reader = Reader::default();
-        let reading = reader.read(&course, start, &av);
+        let reading = reader.read(&course, &av);
         let height = state.z - course.level.height(state.position()).unwrap_or(state.z);
         Ok(Self {
             control: Control { acceleration: 0.0, steering: logged_steering(scene, start, &vehicle) },
@@ -102,7 +102,7 @@ impl Strict {
 
     /// Judges the AV at `log_index`, and says whether that ends the episode.
     pub(super) fn judge(&mut self, log_index: usize, advance: &mut Advance) -> Option<EndReason> {
-        let reading = self.reader.read(&self.course, log_index, &self.av);
+        let reading = self.reader.read(&self.course, &self.av);
         self.sample = reading.sample;
         let (course, human, av) = (&self.course, &self.human, &self.av);
         let moment = Moment { course, human, log_index, av, reading: &reading };

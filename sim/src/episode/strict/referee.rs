@@ -161,7 +161,7 @@ impl Referee {
     }
 
     fn judge_rules(&mut self, moment: &Moment<'_>, advance: &mut Advance) {
-        let Moment { human, log_index, av, reading, .. } = *moment;
+        let Moment { course, human, log_index, av, reading } = *moment;
         let Advance { record, events, .. } = advance;
         let (own, log) = (reading.faults, human.faults(log_index));
         let step = record.step;
@@ -198,9 +198,9 @@ impl Referee {
         say(Standing::of(low_time, false), &mut self.low_time_to_collision, Kind::LowTimeToCollision, &|| {
             format!("{:.1} s to collision", record.time_to_collision.unwrap_or(0.0))
         });
-        if let Some(stop) = reading.red_stop {
-            let now = Standing::of(true, human.crosses_red(stop.lane));
-            record.red_light = now == Standing::Broken;
+        for stop in course.red_stops_crossed(log_index, reading) {
+            let now = Standing::of(true, human.crosses_red(stop));
+            record.red_light |= now == Standing::Broken;
             say(now, &mut Standing::Kept, Kind::RedLight, &|| {
                 format!("crossed the stop point of lane {} at red", stop.lane)
             });
