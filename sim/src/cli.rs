@@ -63,7 +63,11 @@ pub struct RunArgs {
     #[arg(long, value_enum, default_value_t, help_heading = "What to drive")]
     pub protocol: ProtocolName,
 
-    /// How the AV follows its plan under `strict` [default: bicycle; playback for the driver `human`]
+    /// A setting of `strict`, as horizon=100 or ending-collision=any; docs/running.md lists them
+    #[arg(long, value_name = "KEY=VALUE", num_args = 1, help_heading = "What to drive")]
+    pub set: Vec<String>,
+
+    /// How the AV follows its plan under `strict` [default: bicycle; playback for the driver `human`, and for it alone]
     #[arg(long, value_enum, help_heading = "What to drive")]
     pub motion: Option<MotionName>,
 
@@ -87,9 +91,9 @@ pub struct RunArgs {
     #[arg(long, value_name = "TIME", default_value = "5s", value_parser = parse_duration, help_heading = "How to run")]
     pub deadline: Duration,
 
-    /// How long nodes may take to start
-    #[arg(long, value_name = "TIME", default_value = "20s", value_parser = parse_duration, help_heading = "How to run")]
-    pub start_timeout: Duration,
+    /// How long nodes may take to start [default: 20s; 10m for a planner that you start yourself]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration, help_heading = "How to run")]
+    pub start_timeout: Option<Duration>,
 
     /// Where to listen for nodes [default: a free port of this machine]
     #[arg(long, value_name = "tcp/HOST:PORT", help_heading = "How to run")]

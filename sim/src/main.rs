@@ -3,9 +3,8 @@
 //! Results go to standard output, everything else to standard error. Exit codes: 0 done; 1 done, with episodes that failed or
 //! are not recorded whole; 2 usage or unusable input; 130 interrupted.
 
-use std::io::{self, Write};
+use std::io::{self, IsTerminal, Write};
 use std::num::NonZero;
-use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::thread;
 
@@ -16,7 +15,7 @@ use sim::run::console::Console;
 use sim::run::interrupt::{INTERRUPTED, Interrupts};
 use sim::run::{self, RunError};
 use sim::settings::Request;
-use sim::summary::Summary;
+use sim::summary::{Summary, SummaryError};
 use sim::verify::verify;
 use sim::{results, table};
 use tracing_subscriber::EnvFilter;
@@ -28,7 +27,7 @@ fn main() -> ExitCode {
     log_to(&console, cli.verbose);
     let done = match cli.command {
         Command::Run(arguments) => drive(*arguments, clock, &console),
-        Command::Table(arguments) => print_tables(&arguments),
+        Command::Table(arguments) => print_tables(&arguments, &console),
         Command::Verify(arguments) => print_verdict(&arguments),
     };
     match done {
@@ -46,13 +45,14 @@ fn main() -> ExitCode {
 /// The log goes to standard error; `RUST_LOG` says of what, else the number of `-v`.
 fn log_to(console: &Console, verbose: u8) {
     let level = match verbose {
-        0 => "warn",
-        1 => "warn,sim=info,wire=info",
+        0 => "warn,zenoh=error",
+        1 => "warn,zenoh=error,sim=info,wire=info",
         2 => "info,sim=debug,wire=debug,scenarios=debug",
         _ => "debug",
     };
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(console.clone()).without_time().init();
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_ansi(io::stderr().is_terminal());
+    log.with_writer(console.clone()).without_time().init();
 }
 
 fn drive(arguments: RunArgs, clock: WallClock, console: &Console) -> anyhow::Result<ExitCode> {
@@ -70,11 +70,20 @@ fn drive(arguments: RunArgs, clock: WallClock, console: &Console) -> anyhow::Res
     Ok(if clean { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-fn print_tables(arguments: &TableArgs) -> anyhow::Result<ExitCode> {
-    let read = |folder: &PathBuf| Summary::read(Path::new(folder));
-    let runs = arguments.runs.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+/// Prints the finished runs; others are named and cost the exit code.
+fn print_tables(arguments: &TableArgs, console: &Console) -> anyhow::Result<ExitCode> {
+    let mut runs = Vec::new();
+    for folder in &arguments.runs {
+        match Summary::read(folder) {
+            Ok(run) => runs.push(run),
+            Err(error @ SummaryError::Unfinished(_)) if arguments.runs.len() > 1 => {
+                console.line(&format!("left out: {error}"));
+            }
+            Err(error) => return Err(error.into()),
+        }
+    }
     print(&table::render(&runs, arguments.format))?;
-    Ok(ExitCode::SUCCESS)
+    Ok(if runs.len() == arguments.runs.len() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 fn print_verdict(arguments: &VerifyArgs) -> anyhow::Result<ExitCode> {

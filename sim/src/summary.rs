@@ -44,14 +44,16 @@ pub struct Summary {
     pub protocol: String,
     /// How the AV followed its plans.
     pub motion: String,
+    /// Which settings of the protocol are not as usual.
+    pub changes: Vec<String>,
     /// The scenes: names and hashes.
     pub scenes: Vec<(String, String)>,
     /// Those without a result; means are over the others.
     pub failures: Vec<Failure>,
     /// Recordings that are not whole: scene and what is wrong.
     pub broken_recordings: Vec<(String, String)>,
-    /// The mean of each metric over the episodes that define it; none where no episode does.
-    pub means: BTreeMap<String, Option<f64>>,
+    /// The mean of each metric over the episodes that define it, and how many do; none where no episode does.
+    pub means: BTreeMap<String, Option<(f64, usize)>>,
 }
 
 impl Summary {
@@ -84,6 +86,7 @@ impl Summary {
             driver: file.settings.driver,
             protocol: file.settings.protocol.name().to_owned(),
             motion: file.settings.protocol.motion_name().to_owned(),
+            changes: file.settings.protocol.changes(),
             scenes,
             failures,
             broken_recordings,
@@ -97,18 +100,18 @@ impl Summary {
         self.scenes.len() - self.failures.len()
     }
 
-    /// The mean of a metric.
+    /// The mean of a metric, and over how many episodes.
     #[must_use]
-    pub fn mean(&self, metric: &str) -> Option<f64> {
+    pub fn mean(&self, metric: &str) -> Option<(f64, usize)> {
         self.means.get(metric).copied().flatten()
     }
 }
 
-/// The mean of the values that are defined, in the rows that did not fail.
-fn mean(values: &[Option<f64>], failed: &[bool]) -> Option<f64> {
+/// The mean of the values that are defined, in the rows that did not fail, and how many they are.
+fn mean(values: &[Option<f64>], failed: &[bool]) -> Option<(f64, usize)> {
     let defined = values.iter().zip(failed).filter(|(_, failed)| !**failed).filter_map(|(value, _)| *value);
-    let (sum, count) = defined.fold((0.0, 0_u32), |(sum, count), value| (sum + value, count + 1));
-    (count > 0).then(|| sum / f64::from(count))
+    let (sum, count) = defined.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| (sum / count as f64, count))
 }
 
 #[cfg(test)]
@@ -117,7 +120,7 @@ mod tests {
 
     #[test]
     fn a_mean_is_over_what_is_defined_and_did_not_fail() {
-        assert_eq!(mean(&[Some(1.0), None, Some(4.0), Some(100.0)], &[false, false, false, true]), Some(2.5));
+        assert_eq!(mean(&[Some(1.0), None, Some(4.0), Some(100.0)], &[false, false, false, true]), Some((2.5, 2)));
         assert_eq!(mean(&[None, Some(1.0)], &[false, true]), None);
     }
 }

@@ -6,6 +6,9 @@ use crate::cli::TableFormat;
 use crate::metrics::authors;
 use crate::summary::Summary;
 
+/// Marks a mean over fewer episodes than its line counts.
+const FEWER: &str = "*";
+
 /// How a column's numbers are written.
 #[derive(Clone, Copy)]
 enum Show {
@@ -77,6 +80,10 @@ fn title(runs: &[&Summary]) -> String {
     if all(|a, b| a.motion == b.motion) {
         parts.push(format!("motion {}", first.motion));
     }
+    if !all(|a, b| a.changes == b.changes) {
+        parts.push("different settings: not to be compared".to_owned());
+    }
+    parts.extend(first.changes.iter().filter(|_| all(|a, b| a.changes == b.changes)).cloned());
     parts.push(match (all(|a, b| a.scenes == b.scenes), first.scenes.len()) {
         (true, 1) => "1 scene".to_owned(),
         (true, scenes) => format!("{scenes} scenes"),
@@ -97,12 +104,14 @@ fn label(run: &Summary, runs: &[&Summary]) -> String {
     run.folder.file_name().map_or_else(|| run.driver.clone(), |name| name.to_string_lossy().into_owned())
 }
 
+/// A mean, with [`FEWER`] where some episodes do not define it.
 fn value(run: &Summary, column: &Column) -> String {
-    match (run.mean(column.2), column.3) {
-        (None, _) => "-".to_owned(),
-        (Some(mean), Show::Percent) => format!("{:.1}", 100.0 * mean),
-        (Some(mean), Show::Mean(digits)) => format!("{mean:.digits$}"),
-    }
+    let Some((mean, episodes)) = run.mean(column.2) else { return "-".to_owned() };
+    let number = match column.3 {
+        Show::Percent => format!("{:.1}", 100.0 * mean),
+        Show::Mean(digits) => format!("{mean:.digits$}"),
+    };
+    number + if episodes < run.counted() { FEWER } else { "" }
 }
 
 fn body(runs: &[&Summary], head_separator: &str) -> Table {
@@ -146,6 +155,10 @@ fn markdown(runs: &[&Summary]) -> String {
 /// What is wrong with single episodes, a line each.
 fn notes(runs: &[&Summary], bullet: &str) -> String {
     let mut lines = String::new();
+    let mut values = runs.iter().flat_map(|run| columns(&run.protocol).map(|column| value(run, column)));
+    if values.any(|value| value.ends_with(FEWER)) {
+        lines += &format!("{bullet}{FEWER} over those of the episodes that have a value\n");
+    }
     for run in runs {
         let of = if runs.len() > 1 { format!("{}: ", label(run, runs)) } else { String::new() };
         for failure in &run.failures {
@@ -160,17 +173,18 @@ fn notes(runs: &[&Summary], bullet: &str) -> String {
 }
 
 fn csv(runs: &[&Summary]) -> String {
-    let mut lines = String::from("run,driver,protocol,motion,episodes,failed");
+    let mut lines = String::from("run,driver,protocol,motion,settings,episodes,failed");
     let columns: Vec<&Column> = runs.first().map(|run| columns(&run.protocol).collect()).unwrap_or_default();
     columns.iter().for_each(|column| lines += &format!(",{}", column.1));
     lines.push('\n');
     for run in runs {
         let folder = quoted(&run.folder.to_string_lossy());
-        lines += &format!("{folder},{},{},{}", run.driver, run.protocol, run.motion);
+        let settings = quoted(&run.changes.join("; "));
+        lines += &format!("{folder},{},{},{},{settings}", run.driver, run.protocol, run.motion);
         lines += &format!(",{},{}", run.counted(), run.failures.len());
         for column in &columns {
             let scale = if matches!(column.3, Show::Percent) { 100.0 } else { 1.0 };
-            lines += &run.mean(column.2).map_or_else(|| ",".to_owned(), |mean| format!(",{}", scale * mean));
+            lines += &run.mean(column.2).map_or_else(|| ",".to_owned(), |(mean, _)| format!(",{}", scale * mean));
         }
         lines.push('\n');
     }
@@ -195,12 +209,13 @@ mod tests {
                 Show::Percent => 0.125,
                 Show::Mean(_) => 100.0 / (index + 1) as f64,
             };
-            (column.2.to_owned(), Some(value))
+            (column.2.to_owned(), Some((value, 8)))
         });
         Summary {
             folder: PathBuf::from(folder),
             driver: driver.to_owned(),
             protocol: "strict".to_owned(),
+            changes: Vec::new(),
             motion: motion.to_owned(),
             scenes: (0..8).map(|scene| (format!("s{scene}"), String::new())).collect(),
             failures: Vec::new(),
@@ -218,6 +233,7 @@ mod tests {
         });
         run.broken_recordings.push(("s4".to_owned(), "the recorder is gone".to_owned()));
         run.means.insert("position_error_10s_m".to_owned(), None);
+        run.means.insert("position_error_5s_m".to_owned(), Some((1.5, 6)));
         run
     }
 
@@ -230,8 +246,9 @@ mod tests {
                sodes failed   sion fault route road light gress                 acc.  @3 s  @5 s @10 s  score
                                  %     %     %    %     %     m   m/s²   m/s³   m/s²     m     m     m
         ──────────────────────────────────────────────────────────────────────────────────────────────────────
-        idm        7      1   12.5  12.5  12.5 12.5  12.5  16.7 14.286 12.500 11.111 10.00  9.09     -  7.692
+        idm        7      1   12.5  12.5  12.5 12.5  12.5  16.7 14.286 12.500 11.111 10.00 1.50*     -  7.692
 
+        * over those of the episodes that have a value
         s3 failed (driver-failed): the planner did not answer step 12 within 5 s
         s4 is not recorded whole: the recorder is gone
         ");
@@ -240,8 +257,8 @@ mod tests {
     #[test]
     fn runs_stand_side_by_side_and_namesakes_are_told_apart() {
         let runs = [
-            run("idm", "bicycle", "runs/idm-strict-1"),
-            run("idm", "playback", "runs/idm-strict-2"),
+            run("human", "bicycle", "runs/human-strict-1"),
+            run("human", "playback", "runs/human-strict-2"),
             run("constant-velocity", "bicycle", "runs/x"),
         ];
         insta::assert_snapshot!(render(&runs, TableFormat::Text), @"
@@ -251,8 +268,8 @@ mod tests {
                           sodes failed   sion fault route road light gress                 acc.  @3 s  @5 s @10 s  score
                                             %     %     %    %     %     m   m/s²   m/s³   m/s²     m     m     m
         ─────────────────────────────────────────────────────────────────────────────────────────────────────────────────
-        idm (bicycle)         8      0   12.5  12.5  12.5 12.5  12.5  16.7 14.286 12.500 11.111 10.00  9.09  8.33  7.692
-        idm (playback)        8      0   12.5  12.5  12.5 12.5  12.5  16.7 14.286 12.500 11.111 10.00  9.09  8.33  7.692
+        human (bicycle)       8      0   12.5  12.5  12.5 12.5  12.5  16.7 14.286 12.500 11.111 10.00  9.09  8.33  7.692
+        human (playback)      8      0   12.5  12.5  12.5 12.5  12.5  16.7 14.286 12.500 11.111 10.00  9.09  8.33  7.692
         constant-velocity     8      0   12.5  12.5  12.5 12.5  12.5  16.7 14.286 12.500 11.111 10.00  9.09  8.33  7.692
         ");
         insta::assert_snapshot!(render(&runs, TableFormat::Markdown), @"
@@ -260,17 +277,29 @@ mod tests {
 
         | driver            | episodes | failed | collision % | at fault % | off route % | off road % | red light % | progress m | acc. m/s² | jerk m/s³ | lat. acc. m/s² | error @3 s m | error @5 s m | error @10 s m | nuPlan score |
         |-------------------|----------|--------|-------------|------------|-------------|------------|-------------|------------|-----------|-----------|----------------|--------------|--------------|---------------|--------------|
-        | idm (bicycle)     |        8 |      0 |        12.5 |       12.5 |        12.5 |       12.5 |        12.5 |       16.7 |    14.286 |    12.500 |         11.111 |        10.00 |         9.09 |          8.33 |        7.692 |
-        | idm (playback)    |        8 |      0 |        12.5 |       12.5 |        12.5 |       12.5 |        12.5 |       16.7 |    14.286 |    12.500 |         11.111 |        10.00 |         9.09 |          8.33 |        7.692 |
+        | human (bicycle)   |        8 |      0 |        12.5 |       12.5 |        12.5 |       12.5 |        12.5 |       16.7 |    14.286 |    12.500 |         11.111 |        10.00 |         9.09 |          8.33 |        7.692 |
+        | human (playback)  |        8 |      0 |        12.5 |       12.5 |        12.5 |       12.5 |        12.5 |       16.7 |    14.286 |    12.500 |         11.111 |        10.00 |         9.09 |          8.33 |        7.692 |
         | constant-velocity |        8 |      0 |        12.5 |       12.5 |        12.5 |       12.5 |        12.5 |       16.7 |    14.286 |    12.500 |         11.111 |        10.00 |         9.09 |          8.33 |        7.692 |
         ");
     }
 
     #[test]
+    fn settings_that_are_not_as_usual_are_named_and_never_mixed_in_silence() {
+        let mut short = run("idm", "bicycle", "runs/short");
+        short.changes = vec!["horizon = 80".to_owned()];
+        let title = |runs: &[Summary]| render(runs, TableFormat::Text).lines().next().unwrap().to_owned();
+        assert_eq!(title(&[short.clone()]), "driver idm, protocol strict, motion bicycle, horizon = 80, 8 scenes");
+        let usual = run("human", "bicycle", "runs/usual");
+        let expected = "protocol strict, motion bicycle, different settings: not to be compared, 8 scenes";
+        assert_eq!(title(&[usual, short.clone()]), expected);
+        assert!(render(&[short], TableFormat::Csv).contains(",bicycle,horizon = 80,8,0,"));
+    }
+
+    #[test]
     fn csv_has_full_precision_and_leaves_out_what_is_not_defined() {
         insta::assert_snapshot!(render(&[failing()], TableFormat::Csv), @"
-        run,driver,protocol,motion,episodes,failed,collision_percent,at_fault_collision_percent,off_route_percent,off_road_percent,red_light_percent,progress_m,mean_abs_acceleration_mps2,mean_abs_jerk_mps3,mean_abs_lateral_acceleration_mps2,position_error_3s_m,position_error_5s_m,position_error_10s_m,nuplan_score
-        runs/idm-strict-1,idm,strict,bicycle,7,1,12.5,12.5,12.5,12.5,12.5,16.666666666666668,14.285714285714286,12.5,11.11111111111111,10,9.090909090909092,,7.6923076923076925
+        run,driver,protocol,motion,settings,episodes,failed,collision_percent,at_fault_collision_percent,off_route_percent,off_road_percent,red_light_percent,progress_m,mean_abs_acceleration_mps2,mean_abs_jerk_mps3,mean_abs_lateral_acceleration_mps2,position_error_3s_m,position_error_5s_m,position_error_10s_m,nuplan_score
+        runs/idm-strict-1,idm,strict,bicycle,,7,1,12.5,12.5,12.5,12.5,12.5,16.666666666666668,14.285714285714286,12.5,11.11111111111111,10,1.5,,7.6923076923076925
         ");
     }
 
@@ -284,8 +313,14 @@ mod tests {
     #[test]
     fn no_table_is_wider_than_120_columns() {
         let mut wide = run("constant-velocity", "bicycle", "runs/x");
-        for (name, mean) in &mut wide.means {
-            *mean = Some(if name.ends_with("_m") { 188.88 } else { 1.0 });
+        for column in COLUMNS {
+            let mean = match column.3 {
+                Show::Percent => (1.0, 8),
+                // Drives that end early have no position error.
+                Show::Mean(_) if column.2.starts_with("position") => (188.88, 7),
+                Show::Mean(_) => (if column.2.ends_with("_m") { 188.88 } else { 1.0 }, 8),
+            };
+            wide.means.insert(column.2.to_owned(), Some(mean));
         }
         for line in render(&[wide], TableFormat::Text).lines() {
             assert!(line.chars().count() <= 120, "{}: {line}", line.chars().count());

@@ -120,7 +120,7 @@ mod tests {
         assert_eq!(steps.text("scene").unwrap(), ["b", "b", "b"]);
         assert_eq!(steps.numbers().unwrap()["human_x_m"], [Some(1.0), Some(1.0), None]);
         let summary = crate::summary::Summary::read(root.path()).unwrap();
-        assert_eq!((summary.counted(), summary.mean("progress_m")), (1, Some(3.0)));
+        assert_eq!((summary.counted(), summary.mean("progress_m")), (1, Some((3.0, 1))));
     }
 
     #[test]

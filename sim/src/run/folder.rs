@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! run.toml           the settings; written first
-//! parts/<scene>      one finished episode each; gone when the run is complete
+//! parts/<scene>.part one finished episode each; gone when the run is complete
 //! episodes/          the recordings
 //! steps.parquet, timing.parquet, results.parquet      written last, in this order: a run with results.parquet is complete
 //! .lock              held while a sim works in it
@@ -32,6 +32,8 @@ pub enum FolderError {
     RunFile { path: PathBuf, source: SettingsError },
     #[error("{} is not empty and holds no run\nhint: give another folder with --out", .0.display())]
     NotARun(PathBuf),
+    #[error("{} is a file, but a run is a folder\nhint: give another name with --out", .0.display())]
+    NotAFolder(PathBuf),
     #[error("another sim works in {}\nhint: wait for it, or give another folder with --out", .0.display())]
     Busy(PathBuf),
     #[error("{} holds another run:\n  {}\nhint: repeat the command it was begun with, or give another folder with --out",
@@ -64,6 +66,9 @@ impl Folder {
     /// # Errors
     /// [`FolderError`] where it holds something else.
     pub fn open(path: &Path, file: &RunFile) -> Result<Opened, FolderError> {
+        if path.is_file() {
+            return Err(FolderError::NotAFolder(path.to_owned()));
+        }
         fs::create_dir_all(path).map_err(at("create", path))?;
         refuse_other_things(path)?;
         let folder = Self::lock(path)?;
@@ -157,7 +162,8 @@ impl Folder {
     }
 
     fn part_path(&self, scene: &str) -> PathBuf {
-        self.file("parts").join(scene)
+        // A suffix of its own: a scene may be called `x.partial`, as an unfinished part of the scene `x` would be.
+        self.file("parts").join(format!("{scene}.part"))
     }
 
     /// The finished episode of `scene`, if there is one. A part that cannot be read is no part.
@@ -264,11 +270,23 @@ mod tests {
     fn a_part_that_cannot_be_read_or_is_of_another_scene_is_no_part() {
         let root = tempfile::tempdir().unwrap();
         let Opened::New(folder) = Folder::open(root.path(), &run_file("")).unwrap() else { panic!("it is new") };
-        fs::write(folder.file("parts/a"), [0xff; 9]).unwrap();
+        fs::write(folder.part_path("a"), [0xff; 9]).unwrap();
         assert_eq!(folder.part("a").unwrap(), None);
         folder.store("a", &part("b")).unwrap();
         assert_eq!(folder.part("a").unwrap(), None);
         assert_eq!(folder.part("never driven").unwrap(), None);
+    }
+
+    #[test]
+    fn scenes_whose_names_differ_by_a_suffix_do_not_meet() {
+        let root = tempfile::tempdir().unwrap();
+        let Opened::New(folder) = Folder::open(root.path(), &run_file("")).unwrap() else { panic!("it is new") };
+        for scene in ["a.partial", "a.part.partial", "a.part", "a"] {
+            folder.store(scene, &part(scene)).unwrap();
+        }
+        for scene in ["a.partial", "a.part.partial", "a.part", "a"] {
+            assert_eq!(folder.part(scene).unwrap(), Some(part(scene)), "{scene}");
+        }
     }
 
     #[test]
@@ -283,6 +301,7 @@ mod tests {
         fs::create_dir(&diary).unwrap();
         fs::write(diary.join("today.txt"), "rain").unwrap();
         assert!(matches!(Folder::open(&diary, &run_file("")), Err(FolderError::NotARun(_))));
+        assert!(matches!(Folder::open(&diary.join("today.txt"), &run_file("")), Err(FolderError::NotAFolder(_))));
         fs::write(path.join("run.toml"), "settings = 7").unwrap();
         assert!(matches!(Folder::open(&path, &run_file("")), Err(FolderError::RunFile { .. })));
     }

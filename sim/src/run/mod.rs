@@ -129,6 +129,9 @@ pub fn run(request: &Request, clock: WallClock, console: &Console, interrupts: &
             path.display(),
             total - pending.len()
         ));
+        if file.settings.planner == Planner::External {
+            console.line("note: those were driven by the planner that was there then; is it still the same?");
+        }
     }
     let cores = file.machine.pin.then(Cores::of_this_thread).transpose().map_err(RunError::Pin)?;
     // The bus has threads for all workers. Where there is but one worker, they are on its core.
@@ -178,9 +181,13 @@ fn open_bus(file: &RunFile, console: &Console) -> Result<Hub, RunError> {
         settings: file.to_recorded_toml(),
         predictor: file.settings.predictor.is_some(),
     })?;
+    let (endpoint, run) = (hub.endpoint(), hub.run());
+    tracing::info!("run {run} at {endpoint}");
     if file.settings.planner == Planner::External {
-        let (endpoint, run) = (hub.endpoint(), hub.run());
-        console.line(&format!("waiting for your planner: --endpoint {endpoint} --run {run} --worker '*'"));
+        let patience = file.machine.start_timeout_s;
+        console.line(&format!(
+            "waiting up to {patience} s for your planner: --endpoint {endpoint} --run {run} --worker '*'"
+        ));
     }
     Ok(hub)
 }

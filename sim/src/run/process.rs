@@ -97,9 +97,19 @@ impl Process {
         &self.name
     }
 
-    /// How it ended, if it has.
+    /// How it ended, if it has. What it started is ended with it.
     pub fn gone(&mut self) -> Option<String> {
-        self.child.try_wait().ok().flatten().map(describe)
+        let status = self.child.try_wait().ok().flatten()?;
+        self.end_group();
+        Some(describe(status))
+    }
+
+    /// Kills the group once: when its head was waited for and nobody is left in it, its number may be given away.
+    fn end_group(&self) {
+        let group = self.child.id() as i32;
+        if self.groups.lock().remove(&group) {
+            kill_group(group);
+        }
     }
 
     /// Asks it to leave, and kills it if it has not left after `patience`.
@@ -114,11 +124,8 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        let group = self.child.id() as i32;
-        // The head may be gone and what it started still there: the group is killed before its number is given away.
-        kill_group(group);
+        self.end_group();
         let _ = self.child.wait();
-        self.groups.lock().remove(&group);
     }
 }
 

@@ -156,7 +156,7 @@ impl Worker<'_> {
         let settings = &self.shared.file.settings;
         let planner = match &settings.planner {
             Planner::Node(node) => Some(self.start_node("planner-node", Role::Planner, node)?),
-            Planner::Command { command } => Some(self.start_own_planner(command)?),
+            Planner::Command { command, .. } => Some(self.start_own_planner(command)?),
             Planner::External => None,
         };
         let predictor = settings.predictor.as_ref();

@@ -66,9 +66,11 @@ fn help_says_what_can_be_typed() {
           --label <NAME>               What tables call the driver [default: its name]
           --protocol <PROTOCOL>        The rules of an episode [default: strict] [possible values:
                                        strict, paper]
+          --set <KEY=VALUE>            A setting of `strict`, as horizon=100 or ending-collision=any;
+                                       docs/running.md lists them
           --motion <MOTION>            How the AV follows its plan under `strict` [default: bicycle;
-                                       playback for the driver `human`] [possible values: bicycle,
-                                       playback]
+                                       playback for the driver `human`, and for it alone] [possible
+                                       values: bicycle, playback]
 
     How to run:
           --out <DIR>                 The run's folder [default: runs/DRIVER-PROTOCOL-N]; an unfinished
@@ -80,7 +82,8 @@ fn help_says_what_can_be_typed() {
           --pin                       Keep each worker with its nodes on a core of its own: faster,
                                       where nothing else wants the cores
           --deadline <TIME>           How long an answer may take: 5s, 500ms [default: 5s]
-          --start-timeout <TIME>      How long nodes may take to start [default: 20s]
+          --start-timeout <TIME>      How long nodes may take to start [default: 20s; 10m for a planner
+                                      that you start yourself]
           --endpoint <tcp/HOST:PORT>  Where to listen for nodes [default: a free port of this machine]
           --timing                    Say on standard error where the time went
     --- stderr
@@ -144,7 +147,7 @@ fn what_makes_no_sense_is_refused_with_code_2_and_a_hint() {
     code 2
     --- stdout
     --- stderr
-    error: --motion has no meaning under the protocol paper: the AV is put on the plan's first pose
+    error: --motion has no meaning under the protocol paper: the AV is put on the plan's first pose, and nothing else can be set
     hint: leave --motion out, or drive under --protocol strict
     ");
     insta::assert_snapshot!(sim(path, &["run", "--scenarios", "nowhere"]), @"

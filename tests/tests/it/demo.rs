@@ -73,12 +73,14 @@ fn every_driver_drives_and_their_runs_stand_side_by_side() {
     insta::assert_snapshot!(stage.good_sim(&format!("table {}", folders[..2].join(" "))).out, @"
     protocol strict, 3 scenes
 
-    driver             epi-        colli-    at   off  off   red  pro-  acc.  jerk  lat. error error error nuPlan
-                      sodes failed   sion fault route road light gress              acc.  @3 s  @5 s @10 s  score
-                                        %     %     %    %     %     m  m/s²  m/s³  m/s²     m     m     m
-    ──────────────────────────────────────────────────────────────────────────────────────────────────────────────
-    human-oracle          3      0    0.0   0.0   0.0  0.0   0.0 113.1 0.676 0.254 0.004  0.00  0.00  0.00  1.000
-    constant-velocity     3      0   33.3  33.3  33.3 33.3  33.3 113.6 0.000 0.000 0.000  1.23  4.17 53.36  0.333
+    driver             epi-        colli-    at   off  off   red  pro-  acc.  jerk  lat. error error  error nuPlan
+                      sodes failed   sion fault route road light gress              acc.  @3 s  @5 s  @10 s  score
+                                        %     %     %    %     %     m  m/s²  m/s³  m/s²     m     m      m
+    ───────────────────────────────────────────────────────────────────────────────────────────────────────────────
+    human-oracle          3      0    0.0   0.0   0.0  0.0   0.0 113.1 0.676 0.254 0.004  0.00  0.00   0.00  1.000
+    constant-velocity     3      0   33.3  33.3  33.3 33.3  33.3 113.6 0.000 0.000 0.000  1.23  4.17 53.36*  0.333
+
+    * over those of the episodes that have a value
     ");
     let folders = folders.join(" ");
     let csv = stage.good_sim(&format!("table --format csv {folders}")).out;
