@@ -87,7 +87,9 @@ impl Shared {
         let run = self.hub.run().to_string();
         // Nodes say what the sim would say, unless the user said otherwise.
         if std::env::var_os("RUST_LOG").is_none() {
-            command.env("RUST_LOG", if tracing::enabled!(tracing::Level::INFO) { "info" } else { "warn,zenoh::api::session=off" });
+            // A message that comes while a session closes is an error to Zenoh; here it is the end of every run.
+            let quiet = "warn,zenoh::api::session=off";
+            command.env("RUST_LOG", if tracing::enabled!(tracing::Level::INFO) { "info" } else { quiet });
         }
         // In the environment too, for a planner's command that is a script.
         command.env("NO_COLOR", "1").env("RELOOP_ENDPOINT", self.hub.endpoint()).env("RELOOP_RUN", &run);
