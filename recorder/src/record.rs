@@ -12,12 +12,12 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, bail};
+use anyhow::bail;
 use prost::Message as _;
-use wire::keys::{self, Address, Role, RunName};
+use wire::keys::{Address, Role, RunName};
 use wire::node::{Connection, Options, Stop};
-use wire::{proto, session};
-use zenoh::{Session, Wait};
+use wire::session;
+use zenoh::Session;
 
 use crate::desk::Desk;
 use crate::message::CHANNELS;
@@ -30,12 +30,6 @@ const WRITERS: usize = 2;
 /// Messages that may wait for a writer: some six episodes' worth.
 const QUEUE: usize = 4096;
 
-/// How long the run may take to tell its settings.
-const SETTINGS_TIMEOUT: Duration = Duration::from_secs(10);
-
-/// How often it is asked.
-const SETTINGS_INTERVAL: Duration = Duration::from_millis(20);
-
 /// Records a run until it ends. Says why it stopped.
 ///
 /// # Errors
@@ -43,7 +37,7 @@ const SETTINGS_INTERVAL: Duration = Duration::from_millis(20);
 pub fn record(options: &Options, folder: PathBuf, formats: Vec<Format>) -> anyhow::Result<Stop> {
     std::fs::create_dir_all(&folder).map_err(FileError::at("create the folder", &folder))?;
     let connection = Connection::open(options)?;
-    let info = ask_for_settings(&connection.session(), &options.run)?;
+    let info = connection.run_info()?;
     let run = Arc::new(RunSettings {
         folder,
         formats,
@@ -99,21 +93,12 @@ fn write(mut desk: Desk, jobs: &Receiver<Job>, session: &Session, run: &RunName)
         if let Some((address, recorded)) = answer
             && let Err(error) = session::send(session, &address.key(run), recorded.encode_to_vec())
         {
-            tracing::error!("the simulator does not hear that {} is recorded: {error}", address.scene);
+            // Closed by this process itself: the simulator is gone, or a stop is asked for.
+            if session.is_closed() {
+                tracing::debug!("nobody hears any more that {} is recorded", address.scene);
+            } else {
+                tracing::error!("the simulator does not hear that {} is recorded: {error}", address.scene);
+            }
         }
     }
-}
-
-/// Asks the simulator for the settings of the run until it has them.
-fn ask_for_settings(session: &Session, run: &RunName) -> anyhow::Result<proto::RunInfo> {
-    let until = Instant::now() + SETTINGS_TIMEOUT;
-    while Instant::now() < until {
-        let replies = session.get(keys::info(run)).timeout(SETTINGS_TIMEOUT).wait();
-        let replies = replies.map_err(|error| anyhow::anyhow!("cannot ask for the run's settings: {error}"))?;
-        if let Some(sample) = replies.into_iter().find_map(|reply| reply.into_result().ok()) {
-            return proto::RunInfo::decode(&*sample.payload().to_bytes()).context("the run's settings are no RunInfo");
-        }
-        std::thread::sleep(SETTINGS_INTERVAL);
-    }
-    bail!("run {run} tells no settings within {} s\n  hint: is the run still on?", SETTINGS_TIMEOUT.as_secs())
 }

@@ -43,7 +43,7 @@ pub enum SessionError {
     },
     /// No simulator was found.
     #[error(
-        "cannot reach a simulator at {endpoint}: {reason}\n  hint: the endpoint is in the log of `sim run`; is the run still on?"
+        "cannot reach a simulator at {endpoint}: {reason}\n  hint: `sim run -v` names its endpoint in its log; is the run still on?"
     )]
     Connect {
         /// Where.

@@ -141,6 +141,7 @@ fn nodes_hear_each_other_through_the_simulator() {
         Some(prediction) if prediction.step() == step.observation.step => whole(step),
         _ => Err("no prediction".to_owned()),
     };
+    hub.publish_run_info(&proto::RunInfo { predictor: true, ..Default::default() }).unwrap();
     let _planner = planner(&hub, needs_it, true);
     let options = options(&hub, "*");
     let _predictor = std::thread::spawn(move || serve_predictor(&options, Arc::new(Nobody)));
@@ -150,6 +151,19 @@ fn nodes_hear_each_other_through_the_simulator() {
         let (plan, prediction) = line.step(&observation(step), DEADLINE).unwrap();
         assert_eq!((plan.step, prediction.unwrap().step), (step, step));
     }
+}
+
+#[test]
+fn a_planner_that_needs_predictions_joins_no_run_that_has_none() {
+    let hub = hub();
+    hub.publish_run_info(&proto::RunInfo { predictor: false, ..Default::default() }).unwrap();
+    let factory = By { plan: whole, needs_prediction: true };
+    let error = serve_planner(&options(&hub, "w0"), Arc::new(factory)).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "this planner needs a predictor, and run test has none\n  hint: give it one with `sim run --predictor ctrv`"
+    );
+    assert_eq!(hub.nodes(), []);
 }
 
 #[test]

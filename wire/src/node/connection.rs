@@ -3,20 +3,24 @@
 use std::io::Read;
 use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use prost::Message as _;
 use thiserror::Error;
 use zenoh::bytes::ZBytes;
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
-use crate::WIRE_VERSION;
 use crate::keys::{self, Address, Channel, KeyError, NodeId, Role, RunName, Workers};
 use crate::session::{self, SessionError};
+use crate::{WIRE_VERSION, proto};
 
 /// How long a node waits for the run to show itself.
 const RUN_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// How often it asks for the run's settings meanwhile.
+const INFO_INTERVAL: Duration = Duration::from_millis(20);
 
 /// How a node finds its run. `sim run` gives these to the nodes that it starts, as arguments and in the environment.
 #[derive(Clone, Debug, clap::Args)]
@@ -59,12 +63,20 @@ pub enum NodeError {
     #[error(transparent)]
     Name(#[from] KeyError),
     /// There is a simulator, but not of this run.
-    #[error("no run {run} at {endpoint} within {} s\n  hint: `sim run` names its run and its endpoint in its log", RUN_TIMEOUT.as_secs())]
+    #[error("no run {run} at {endpoint} within {} s\n  hint: `sim run -v` names its run and its endpoint in its log", RUN_TIMEOUT.as_secs())]
     NoRun {
         /// The run.
         run: RunName,
         /// Where.
         endpoint: String,
+    },
+    /// The planner would wait for predictions that nobody makes.
+    #[error(
+        "this planner needs a predictor, and run {run} has none\n  hint: give it one with `sim run --predictor ctrv`"
+    )]
+    NoPredictor {
+        /// The run.
+        run: RunName,
     },
     /// The simulator is of another build.
     #[error(
@@ -109,6 +121,27 @@ impl Connection {
     #[must_use]
     pub fn session(&self) -> Session {
         self.session.clone()
+    }
+
+    /// What the run is: asks the simulator until it says so.
+    ///
+    /// # Errors
+    /// [`NodeError::NoRun`] where nobody answers, [`NodeError::Session`] where the bus fails.
+    pub fn run_info(&self) -> Result<proto::RunInfo, NodeError> {
+        let Options { run, endpoint, .. } = &self.options;
+        let until = Instant::now() + RUN_TIMEOUT;
+        while Instant::now() < until {
+            let replies = self.session.get(keys::info(run)).timeout(RUN_TIMEOUT).wait();
+            let mut replies = replies.map_err(SessionError::bus("ask for the run's settings"))?.into_iter();
+            if let Some(sample) = replies.find_map(|reply| reply.into_result().ok()) {
+                let info = proto::RunInfo::decode(&*sample.payload().to_bytes());
+                let wrong = |e: prost::DecodeError| SessionError::bus("read the run's settings")(e.into());
+                return Ok(info.map_err(wrong)?);
+            }
+            // The simulator is on the bus a moment before it has settings to tell.
+            std::thread::sleep(INFO_INTERVAL);
+        }
+        Err(NodeError::NoRun { run: run.clone(), endpoint: endpoint.clone() })
     }
 
     /// Hears all that the simulator tells of `channels` of its workers' episodes, in order; `end` is an episode's last. This

@@ -65,7 +65,7 @@ pub trait PlannerFactory: Send + Sync {
     /// A sentence on why there can be none; the episode ends as failed with it.
     fn start(&self, briefing: &Briefing) -> Result<Box<dyn Planner>, String>;
 
-    /// Whether its planners are called only once the step's prediction is there.
+    /// Whether its planners are called only once the step's prediction is there. A run without a predictor is refused then.
     fn needs_prediction(&self) -> bool {
         false
     }
@@ -148,12 +148,16 @@ impl Service for Predictors {
 }
 
 fn serve(options: &Options, service: Arc<dyn Service>) -> Result<Stop, NodeError> {
+    let connection = Connection::open(options)?;
     let mut channels = vec![Channel::Scene, Channel::Observation, Channel::End];
     if service.needs_prediction() {
+        // Said now, or every episode would end in silence at its first deadline.
+        if !connection.run_info()?.predictor {
+            return Err(NodeError::NoPredictor { run: options.run.clone() });
+        }
         channels.push(Channel::Prediction);
     }
     let role = service.role();
-    let connection = Connection::open(options)?;
     let desks = Desks { run: options.run.clone(), session: connection.session(), service, queues: Mutex::default() };
     let desks = Arc::new(desks);
     connection.subscribe_live(&channels, move |address, payload| desks.hand(address, payload))?;
@@ -219,8 +223,11 @@ fn attend(run: &RunName, session: &Session, mut desk: Desk, messages: &Receiver<
                 sent
             }),
         };
-        if let Err(e) = sent {
-            tracing::error!("an answer is lost: {e}");
+        match sent {
+            Ok(()) => {}
+            // Closed by this process itself: nobody waits for the answer.
+            Err(_) if session.is_closed() => return,
+            Err(e) => tracing::error!("an answer is lost: {e}"),
         }
     }
 }
