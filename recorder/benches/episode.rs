@@ -18,7 +18,7 @@ use recorder::sequence::Sequence;
 const BUSY: synthetic::Size = synthetic::Size { agents: 128, steps: 150, futures: 1 };
 
 fn write_mcap(messages: &[Message]) -> usize {
-    let mut writer = EpisodeWriter::new(synthetic::SETTINGS).unwrap();
+    let mut writer = EpisodeWriter::new("bench", synthetic::SETTINGS).unwrap();
     let mut bytes = 0;
     for message in messages {
         writer.write(message).unwrap();

@@ -44,9 +44,12 @@ pub struct Export {
     /// The file to write; beside the recording where it is not said
     #[arg(long, value_name = "FILE")]
     pub rrd: Option<PathBuf>,
-    /// The run it is shown under; by its folder where it is not said
+    /// The run it is shown under; its own where it is not said
     #[arg(long, value_name = "NAME")]
     pub run: Option<String>,
+    /// Replace a file that is there
+    #[arg(long)]
+    pub force: bool,
 }
 
 #[derive(clap::Args)]

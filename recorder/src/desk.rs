@@ -85,11 +85,11 @@ impl Desk {
         self.waiting.values().min().copied()
     }
 
-    /// Ends all that is open, as far as it is.
+    /// Ends all that is open, as far as it is. Nobody waits for it any more: the run is over, or was interrupted.
     pub fn abandon(mut self) {
-        while let Some((place, recording)) = self.open.pop_first() {
-            tracing::warn!("episode {} is cut off", place.1);
-            let _ = recording.finish();
+        while let Some(((_, scene), recording)) = self.open.pop_first() {
+            let recorded = recording.finish();
+            tracing::debug!("episode {scene} is left: {}", recorded.error);
         }
     }
 
@@ -98,6 +98,9 @@ impl Desk {
         let recorded = self.open.remove(&place)?.finish();
         self.closed.insert(place.clone());
         let (worker, scene) = place;
+        if !recorded.error.is_empty() {
+            tracing::error!("episode {scene}: {}", recorded.error);
+        }
         Some((Address { worker, scene, channel: Channel::Recorded }, recorded))
     }
 }

@@ -1,53 +1,66 @@
-//! A Rerun file from a recording: the same drawing as when it is recorded.
+//! A Rerun file from a recording: the same bytes as when it is recorded.
 
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use thiserror::Error;
 
-use crate::mcap::{Contents, read};
-use crate::partial_file::{FileError, PartialFile};
+use crate::mcap::{Break, Contents, read};
+use crate::partial_file::{FileError, PartialFile, partial_name};
 use crate::rrd::Drawing;
+
+/// The run of recordings that do not name theirs.
+const UNNAMED: &str = "unnamed";
+
+/// A file that must not be written.
+#[derive(Debug, Error)]
+pub enum Refused {
+    /// Writing would destroy what is read.
+    #[error(
+        "{} would be written over the recording itself\n  hint: name another file with --rrd, or leave it out for one beside the recording", .0.display()
+    )]
+    Itself(PathBuf),
+    /// It may be of use to somebody.
+    #[error("{} is there already\n  hint: name another file with --rrd, or --force to replace it", .0.display())]
+    Exists(PathBuf),
+}
 
 /// Reads the recording at `path`.
 ///
 /// # Errors
 /// Where it cannot be read, or is none.
 pub fn open(path: &Path) -> anyhow::Result<Contents> {
-    let bytes = std::fs::read(path).map_err(FileError::at("read", path))?;
+    let bytes = fs::read(path).map_err(FileError::at("read", path))?;
     read(&bytes).with_context(|| format!("cannot use {}", path.display()))
 }
 
-/// Draws the recording at `mcap` into `rrd`, under the name of `run`. Says why the recording is cut, if it is.
+/// Draws the recording at `mcap` into `rrd`, under the name `run` or that of its own run. A file that is there is replaced
+/// with `force` alone. Says why the recording is not drawn to its end, if it is not.
 ///
 /// # Errors
-/// Where one cannot be read or the other not be written.
-pub fn export(mcap: &Path, rrd: &Path, run: Option<&str>) -> anyhow::Result<Option<String>> {
+/// [`Refused`], or where one cannot be read or the other not be written.
+pub fn export(mcap: &Path, rrd: &Path, run: Option<&str>, force: bool) -> anyhow::Result<Option<Break>> {
     let contents = open(mcap)?;
+    refuse(mcap, rrd, force)?;
     let mut drawing = Drawing::default();
     contents.messages.iter().for_each(|message| drawing.push(message));
-    let run = run.map_or_else(|| run_of(mcap), str::to_owned);
-    let bytes = drawing.finish(&run, &contents.settings).with_context(|| format!("cannot draw {}", mcap.display()))?;
+    let own = if contents.run.is_empty() { UNNAMED } else { &contents.run };
+    let bytes = drawing.finish(run.unwrap_or(own), &contents.settings);
+    let bytes = bytes.with_context(|| format!("cannot draw {}", mcap.display()))?;
     let mut file = PartialFile::create(rrd)?;
     file.append(&bytes)?;
     file.commit()?;
-    Ok(contents.cut)
+    Ok(contents.broken)
 }
 
-/// The run that a recording belongs to, by the folder where it lies: `<run>/episodes/<scene>.mcap`.
-fn run_of(mcap: &Path) -> String {
-    let absolute = std::path::absolute(mcap).unwrap_or_else(|_| mcap.to_owned());
-    let episodes = absolute.parent().filter(|folder| folder.ends_with("episodes"));
-    let run = episodes.and_then(Path::parent).and_then(Path::file_name);
-    run.map_or_else(|| "export".to_owned(), |name| name.to_string_lossy().into_owned())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_recording_in_a_run_s_folder_is_of_that_run() {
-        assert_eq!(run_of(Path::new("/data/runs/idm-7/episodes/a.mcap")), "idm-7");
-        assert_eq!(run_of(Path::new("/data/a.mcap")), "export");
+fn refuse(mcap: &Path, rrd: &Path, force: bool) -> Result<(), Refused> {
+    let source = mcap.canonicalize().ok();
+    // The name it has while it is written counts too: `a.mcap.partial` must not be drawn into `a.mcap`.
+    let is_source = |path: &Path| source.is_some() && path.canonicalize().ok() == source;
+    if is_source(rrd) || is_source(&partial_name(rrd)) {
+        return Err(Refused::Itself(rrd.to_owned()));
     }
+    // A device or a pipe takes what comes.
+    if rrd.is_file() && !force { Err(Refused::Exists(rrd.to_owned())) } else { Ok(()) }
 }

@@ -5,7 +5,7 @@ use std::fmt::{self, Display};
 use wire::keys::Channel;
 use wire::proto;
 
-use crate::mcap::Contents;
+use crate::mcap::{Break, Contents};
 use crate::message::{Body, Message};
 use crate::strokes;
 
@@ -35,9 +35,13 @@ impl Display for Info<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let contents = self.contents;
         writeln!(f, "{}  {}", self.name, bytes(self.size))?;
-        if let Some(why) = &contents.cut {
-            let seconds = contents.last_step as f64 / 10.0;
-            writeln!(f, "  cut off     after {seconds:.1} s ({why}); what is before is readable")?;
+        let seconds = contents.last_step as f64 / 10.0;
+        match &contents.broken {
+            None => {}
+            Some(Break::CutOff) => writeln!(f, "  cut off     after {seconds:.1} s; what is before is readable")?,
+            Some(Break::Damaged(why)) => {
+                writeln!(f, "  damaged     after {seconds:.1} s: {why}; what is before is readable")?;
+            }
         }
         let scene = self.find(|body| if let Body::Scene(scene) = body { Some(scene) } else { None });
         scene.map_or(Ok(()), |scene| show_scene(f, scene))?;

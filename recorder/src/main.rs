@@ -44,8 +44,8 @@ fn export_file(arguments: &cli::Export) -> anyhow::Result<ExitCode> {
         format!("{}.rrd", stem.strip_suffix(".mcap").unwrap_or(stem)).into()
     };
     let rrd = arguments.rrd.clone().unwrap_or_else(beside);
-    if let Some(why) = export::export(&arguments.mcap, &rrd, arguments.run.as_deref())? {
-        eprintln!("warning: {} is cut off ({why}): drawn as far as it goes", arguments.mcap.display());
+    if let Some(broken) = export::export(&arguments.mcap, &rrd, arguments.run.as_deref(), arguments.force)? {
+        eprintln!("warning: {} is {broken}: drawn as far as it goes", arguments.mcap.display());
     }
     say(&format!("{}\n", rrd.display()))
 }

@@ -32,17 +32,21 @@ pub struct PartialFile {
     path: PathBuf,
 }
 
+/// What the file `path` is called while it is written.
+pub(crate) fn partial_name(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".partial");
+    name.into()
+}
+
 impl PartialFile {
     /// Begins the file `path`, over whatever an earlier attempt left.
     ///
     /// # Errors
     /// [`FileError`].
     pub fn create(path: &Path) -> Result<Self, FileError> {
-        let mut partial = path.as_os_str().to_owned();
-        if fs::metadata(path).map_or(true, |there| there.is_file() || there.is_dir()) {
-            partial.push(".partial");
-        }
-        let partial = PathBuf::from(partial);
+        let takes_a_name = fs::metadata(path).map_or(true, |there| there.is_file() || there.is_dir());
+        let partial = if takes_a_name { partial_name(path) } else { path.to_owned() };
         let file = File::create(&partial).map_err(FileError::at("create", &partial))?;
         Ok(Self { file, partial, path: path.to_owned() })
     }

@@ -89,7 +89,7 @@ impl Files {
     fn create(scene: &SceneId, run: &RunSettings) -> Result<Self, RecordingError> {
         let path = |extension: &str| run.folder.join(format!("{scene}.{extension}"));
         let mcap = run.formats.contains(&Format::Mcap).then(|| -> Result<_, RecordingError> {
-            Ok((EpisodeWriter::new(&run.settings)?, PartialFile::create(&path("mcap"))?))
+            Ok((EpisodeWriter::new(&run.run, &run.settings)?, PartialFile::create(&path("mcap"))?))
         });
         let drawing = run
             .formats
@@ -187,11 +187,8 @@ impl Recording {
             Some(failure) => Err(failure),
             None => self.close(&counts),
         };
-        if let Err(error) = &result {
-            tracing::error!("episode {}: {error}", self.scene);
-            if self.sequence.ignored() > 0 {
-                tracing::info!("episode {}: {} messages that nobody waited for", self.scene, self.sequence.ignored());
-            }
+        if self.sequence.ignored() > 0 {
+            tracing::debug!("episode {}: {} messages that nobody waited for", self.scene, self.sequence.ignored());
         }
         proto::Recorded {
             scene: self.scene.to_string(),

@@ -8,7 +8,7 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use thiserror::Error;
 use wire::keys::Channel;
 
-use super::writer::{METADATA_RUN, METADATA_SETTINGS};
+use super::writer::{METADATA, METADATA_RUN, METADATA_SETTINGS};
 use crate::message::{CHANNELS, Message, MessageError, STEP_NANOSECONDS};
 
 /// The most bytes of one record; a chunk is about a megabyte.
@@ -46,9 +46,22 @@ pub struct ChannelSummary {
     pub bytes: u64,
 }
 
+/// Why reading stopped before the end.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum Break {
+    /// The file ends too early: its recorder was killed, or the disk was full.
+    #[error("cut off")]
+    CutOff,
+    /// There is more, but it is not what was written.
+    #[error("damaged ({0})")]
+    Damaged(String),
+}
+
 /// What a recording holds.
 #[derive(Debug, Default)]
 pub struct Contents {
+    /// The run's name on the bus; empty where the file does not tell.
+    pub run: String,
     /// The run's settings (TOML).
     pub settings: String,
     /// The product's messages, in the file's order.
@@ -57,14 +70,14 @@ pub struct Contents {
     pub channels: BTreeMap<String, ChannelSummary>,
     /// Simulated time of the last message (steps).
     pub last_step: u64,
-    /// Why reading stopped before the end, if it did: a recorder that was killed, a disk that was full.
-    pub cut: Option<String>,
+    /// Why it is not read to its end, if it is not.
+    pub broken: Option<Break>,
 }
 
 /// Reads the bytes of a recording.
 ///
 /// # Errors
-/// [`ReadError`]. A file that is cut off is none: see [`Contents::cut`].
+/// [`ReadError`]. A file that is cut off or damaged is none, if it begins as a recording: see [`Contents::broken`].
 pub fn read(bytes: &[u8]) -> Result<Contents, ReadError> {
     let options = LinearReaderOptions::default()
         .with_validate_chunk_crcs(true)
@@ -84,12 +97,12 @@ pub fn read(bytes: &[u8]) -> Result<Contents, ReadError> {
             }
             Ok(LinearReadEvent::Record { data, opcode }) => match mcap::parse_record(opcode, data) {
                 Ok(record) => state.take(record)?,
-                Err(error) => return state.cut(error),
+                Err(error) => return state.broken(error),
             },
-            Err(error) => return state.cut(error),
+            Err(error) => return state.broken(error),
         }
     }
-    if state.ended { state.whole() } else { state.cut(McapError::UnexpectedEof) }
+    if state.ended { state.whole() } else { state.broken(McapError::UnexpectedEof) }
 }
 
 #[derive(Default)]
@@ -117,10 +130,10 @@ impl State {
                 self.contents.channels.entry(channel.topic.clone()).or_default().schema = schema;
                 self.topics.insert(channel.id, (channel.topic, own));
             }
-            Record::Metadata(metadata) if metadata.name == METADATA_RUN => {
-                if let Some(settings) = metadata.metadata.get(METADATA_SETTINGS) {
-                    self.contents.settings.clone_from(settings);
-                }
+            Record::Metadata(metadata) if metadata.name == METADATA => {
+                let entry = |name| metadata.metadata.get(name).cloned().unwrap_or_default();
+                self.contents.run = entry(METADATA_RUN);
+                self.contents.settings = entry(METADATA_SETTINGS);
             }
             Record::Message { header, data } => {
                 let number = self.number;
@@ -147,11 +160,14 @@ impl State {
     }
 
     /// What there is before `error`, unless that is nothing.
-    fn cut(mut self, error: McapError) -> Result<Contents, ReadError> {
+    fn broken(mut self, error: McapError) -> Result<Contents, ReadError> {
         if self.contents.channels.is_empty() && self.contents.settings.is_empty() {
             return Err(ReadError::NotMcap(error));
         }
-        self.contents.cut = Some(error.to_string());
+        self.contents.broken = Some(match error {
+            McapError::UnexpectedEof => Break::CutOff,
+            error => Break::Damaged(error.to_string()),
+        });
         // A file that is cut before its first chunk has no channels, but says whose it is.
         if self.contents.channels.is_empty() { Ok(self.contents) } else { self.whole() }
     }

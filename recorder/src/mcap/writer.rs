@@ -13,7 +13,9 @@ use crate::origin::Origin;
 use crate::strokes;
 
 /// The metadata record that says what the recording is of.
-pub const METADATA_RUN: &str = "reloop";
+pub const METADATA: &str = "reloop";
+/// Its entry with the run's name.
+pub const METADATA_RUN: &str = "run";
 /// Its entry with the run's settings (TOML).
 pub const METADATA_SETTINGS: &str = "run.toml";
 
@@ -49,14 +51,15 @@ fn add<T: Encode>(encoder: &mut Encoder, topic: &str) -> Result<ChannelId, McapE
 }
 
 impl EpisodeWriter {
-    /// A file of a run with these settings (TOML).
+    /// A file of the run of this name, with these settings (TOML).
     ///
     /// # Errors
     /// [`McapError`].
-    pub fn new(settings: &str) -> Result<Self, McapError> {
+    pub fn new(run: &str, settings: &str) -> Result<Self, McapError> {
         let mut encoder = Encoder::new()?;
         let version = wire::WIRE_VERSION.to_string();
-        encoder.add_metadata(METADATA_RUN, &[(METADATA_SETTINGS, settings), ("wire_version", &version)])?;
+        let entries = [(METADATA_RUN, run), (METADATA_SETTINGS, settings), ("wire_version", &version)];
+        encoder.add_metadata(METADATA, &entries)?;
         let mut own = Vec::with_capacity(CHANNELS.len());
         for channel in CHANNELS {
             let topic = format!("/reloop/{}", channel.name());

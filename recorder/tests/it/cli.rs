@@ -34,12 +34,54 @@ fn info_says_up_to_where_a_cut_file_goes() {
 }
 
 #[test]
+fn a_recording_with_a_flipped_bit_is_damaged_and_not_cut_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bytes = mcap_of(&synthetic::episode("crossing-1", Size { agents: 40, steps: 60, futures: 1 }));
+    let place = bytes.len() / 2;
+    bytes[place] ^= 0x10;
+    std::fs::write(folder.path().join("a.mcap"), bytes).unwrap();
+    let shown = recorder(folder.path(), &["info", "a.mcap"]);
+    assert!(shown.contains("  damaged     after ") && !shown.contains("cut off"), "{shown}");
+    let shown = recorder(folder.path(), &["export", "a.mcap"]);
+    assert!(shown.contains("warning: a.mcap is damaged (") && shown.ends_with("exit code 0"), "{shown}");
+}
+
+#[test]
 fn export_draws_what_recording_draws() {
     let folder = tempfile::tempdir().unwrap();
     let episode = synthetic::episode("crossing-1", SMALL);
     std::fs::write(folder.path().join("a.mcap"), mcap_of(&episode)).unwrap();
-    assert_eq!(recorder(folder.path(), &["export", "a.mcap", "--run", "test"]), "a.rrd\nexit code 0");
+    assert_eq!(recorder(folder.path(), &["export", "a.mcap"]), "a.rrd\nexit code 0");
     assert!(std::fs::read(folder.path().join("a.rrd")).unwrap() == crate::rrd_of(&episode));
+    assert_eq!(
+        recorder(folder.path(), &["export", "a.mcap", "--run", "other", "--rrd", "b.rrd"]),
+        "b.rrd\nexit code 0"
+    );
+    assert!(std::fs::read(folder.path().join("b.rrd")).unwrap() != crate::rrd_of(&episode));
+}
+
+#[test]
+fn export_replaces_nothing_unasked_and_never_its_own_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let episode = synthetic::episode("crossing-1", SMALL);
+    let recording = mcap_of(&episode);
+    std::fs::write(file("a.mcap"), &recording).unwrap();
+    std::fs::write(file("b.mcap.partial"), &recording).unwrap();
+    std::fs::write(file("a.rrd"), "mine").unwrap();
+    std::os::unix::fs::symlink("a.mcap", file("link.rrd")).unwrap();
+    let shown = [
+        recorder(folder.path(), &["export", "a.mcap", "--rrd", "a.mcap", "--force"]),
+        recorder(folder.path(), &["export", "a.mcap", "--rrd", "link.rrd", "--force"]),
+        recorder(folder.path(), &["export", "b.mcap.partial", "--rrd", "b.mcap"]),
+        recorder(folder.path(), &["export", "a.mcap"]),
+    ];
+    insta::assert_snapshot!(shown.join("\n\n"));
+    assert!(std::fs::read(file("a.mcap")).unwrap() == recording);
+    assert!(std::fs::read(file("b.mcap.partial")).unwrap() == recording);
+    assert_eq!(std::fs::read(file("a.rrd")).unwrap(), b"mine");
+    assert_eq!(recorder(folder.path(), &["export", "a.mcap", "--force"]), "a.rrd\nexit code 0");
+    assert!(std::fs::read(file("a.rrd")).unwrap() == crate::rrd_of(&episode));
 }
 
 #[test]

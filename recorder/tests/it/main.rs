@@ -15,7 +15,7 @@ use recorder::rrd::Drawing;
 
 /// The MCAP file of these messages.
 fn mcap_of(messages: &[Message]) -> Vec<u8> {
-    let mut writer = EpisodeWriter::new(synthetic::SETTINGS).unwrap();
+    let mut writer = EpisodeWriter::new("test", synthetic::SETTINGS).unwrap();
     messages.iter().for_each(|message| writer.write(message).unwrap());
     let mut bytes = writer.take();
     bytes.extend(writer.finish().unwrap());

@@ -1,6 +1,6 @@
 //! What an MCAP file holds, and that its bytes depend on nothing else.
 
-use recorder::mcap::{EpisodeWriter, read};
+use recorder::mcap::{Break, EpisodeWriter, read};
 use recorder::message::Body;
 
 use crate::synthetic::{self, SMALL, Size};
@@ -18,8 +18,8 @@ fn what_is_read_is_what_was_written() {
     let episode = synthetic::episode("s", SMALL);
     let contents = read(&mcap_of(&episode)).unwrap();
     assert!(contents.messages == episode);
-    assert_eq!(contents.settings, synthetic::SETTINGS);
-    assert_eq!(contents.cut, None);
+    assert_eq!((&*contents.run, &*contents.settings), ("test", synthetic::SETTINGS));
+    assert_eq!(contents.broken, None);
     assert_eq!(contents.last_step, 5);
 }
 
@@ -100,7 +100,7 @@ fn one_decoded_step() {
 fn a_cut_file_is_read_up_to_its_last_chunk() {
     let size = Size { agents: 40, steps: 60, futures: 1 };
     let episode = synthetic::episode("s", size);
-    let mut writer = EpisodeWriter::new(synthetic::SETTINGS).unwrap();
+    let mut writer = EpisodeWriter::new("test", synthetic::SETTINGS).unwrap();
     let mut on_disk = Vec::new();
     // Killed here: chunks that were open are gone.
     for message in &episode[..200] {
@@ -108,14 +108,14 @@ fn a_cut_file_is_read_up_to_its_last_chunk() {
         on_disk.extend(writer.take());
     }
     let contents = read(&on_disk).unwrap();
-    assert!(contents.cut.is_some());
+    assert_eq!(contents.broken, Some(Break::CutOff));
     assert!(contents.messages.len() > 100, "{}", contents.messages.len());
     assert!(contents.messages == episode[..contents.messages.len()]);
     // And at any byte: never a panic, never a message that was not written.
     let whole = mcap_of(&episode);
     for end in (0..whole.len()).step_by(9_973) {
         if let Ok(contents) = read(&whole[..end]) {
-            assert!(contents.cut.is_some(), "{end}");
+            assert_eq!(contents.broken, Some(Break::CutOff), "{end}");
             assert!(contents.messages == episode[..contents.messages.len()]);
         }
     }
@@ -130,7 +130,7 @@ fn a_flipped_bit_is_noticed() {
         bytes[place] ^= 0x10;
         match read(&bytes) {
             Err(_) => {}
-            Ok(contents) => assert!(contents.cut.is_some() || contents.messages == episode, "byte {place}"),
+            Ok(contents) => assert!(contents.broken.is_some() || contents.messages == episode, "byte {place}"),
         }
     }
 }

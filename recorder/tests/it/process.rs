@@ -6,6 +6,7 @@ use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::Duration;
 
 use prost::Message as _;
+use recorder::export::export;
 use recorder::mcap::read;
 use recorder::message::Message;
 use wire::hub::{Hub, Wanted};
@@ -38,7 +39,9 @@ impl Stage {
         let recorder = Command::new(env!("CARGO_BIN_EXE_recorder"))
             .args(["record", "--exit-with-parent", "--endpoint", hub.endpoint(), "--run", "test", "--out"])
             .arg(folder)
+            .env_remove("RUST_LOG")
             .stdin(Stdio::piped())
+            .stderr(Stdio::piped())
             .spawn()
             .unwrap();
         let player = session::open_client(hub.endpoint()).unwrap();
@@ -105,7 +108,11 @@ fn episodes_of_all_workers_are_recorded_and_answered() {
     assert_eq!(names(folder.path()), ["a.mcap", "a.rrd", "b.mcap", "b.rrd"]);
     for (name, episode) in [("a", first), ("b", second)] {
         assert!(std::fs::read(folder.path().join(format!("{name}.mcap"))).unwrap() == mcap_of(&episode));
-        assert!(std::fs::read(folder.path().join(format!("{name}.rrd"))).unwrap() == rrd_of(&episode));
+        let drawn = std::fs::read(folder.path().join(format!("{name}.rrd"))).unwrap();
+        assert!(drawn == rrd_of(&episode));
+        let (recording, again) = (folder.path().join(format!("{name}.mcap")), folder.path().join("again.rrd"));
+        assert_eq!(export(&recording, &again, None, true).unwrap(), None);
+        assert!(std::fs::read(again).unwrap() == drawn, "an export is the file that was recorded");
     }
 }
 
@@ -142,8 +149,10 @@ fn when_standard_input_ends_it_leaves_and_what_came_is_readable() {
     stage.answers.recv_timeout(TIMEOUT).unwrap();
     drop(stage.recorder.stdin.take());
     assert_eq!(stage.recorder.wait().unwrap().code(), Some(0));
+    let said = std::io::read_to_string(stage.recorder.stderr.take().unwrap()).unwrap();
+    assert_eq!(said, "", "a stop that is asked for is no error");
     let contents = read(&std::fs::read(folder.path().join("a.mcap.partial")).unwrap()).unwrap();
-    assert!(contents.cut.is_some());
+    assert!(contents.broken.is_some());
     assert!(contents.messages == episode[..11]);
 }
 
@@ -158,7 +167,7 @@ fn killed_it_leaves_all_closed_chunks() {
     stage.recorder.kill().unwrap();
     stage.recorder.wait().unwrap();
     let contents = read(&std::fs::read(folder.path().join("a.mcap.partial")).unwrap()).unwrap();
-    assert!(contents.cut.is_some());
+    assert!(contents.broken.is_some());
     assert!(contents.messages.len() > 100, "{}", contents.messages.len());
     assert!(contents.messages == episode[..contents.messages.len()]);
 }
