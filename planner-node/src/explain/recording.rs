@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use mcap::MessageStream;
 use mcap::read::Options as ReadOptions;
+use mcap::{McapError, MessageStream};
 use prost::Message;
 use thiserror::Error;
 use wire::proto;
@@ -40,10 +40,10 @@ pub enum RecordingError {
         /// The file.
         path: PathBuf,
         /// Why.
-        why: Box<mcap::McapError>,
+        why: Box<McapError>,
     },
     /// The recording stops before the step is told: its recorder was killed, or the disk was full.
-    #[error("{path} is cut off before step {step} is told ({why}); it tells {told}\nhint: the command of its run, given again, drives what is missing", told = steps(*last))]
+    #[error("{path} is cut off before step {step} is told; it tells {told}\nhint: the command of its run, given again, drives what is missing", told = steps(*last))]
     CutOff {
         /// The file.
         path: PathBuf,
@@ -51,8 +51,24 @@ pub enum RecordingError {
         step: u32,
         /// The last step that it tells.
         last: Option<u32>,
+    },
+    /// The file goes on before the step is told, but not with what was recorded.
+    #[error("{path} is damaged before step {step} is told ({why}); it tells {told}\nhint: fetch the file again, or drive the scene again", told = steps(*last))]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// The step asked for.
+        step: u32,
+        /// The last step that it tells.
+        last: Option<u32>,
         /// Why reading stopped.
-        why: Box<mcap::McapError>,
+        why: Box<McapError>,
+    },
+    /// There is not even a scene.
+    #[error("{path} has no scene: it is empty, cut off before it, or no recording of reloop\nhint: `recorder info {path}` says what it holds", path = path.display())]
+    NoScene {
+        /// The file.
+        path: PathBuf,
     },
     /// A message cannot be understood.
     #[error("{path}: {topic} of step {step}: {what}")]
@@ -99,12 +115,12 @@ pub fn read_step(path: &Path, step: u32) -> Result<RecordedStep, RecordingError>
     let broken = |why| RecordingError::Mcap { path: path.to_owned(), why: Box::new(why) };
     let wrong = |topic, what| RecordingError::Message { path: path.to_owned(), topic, step, what };
     let (mut briefing, mut observation, mut prediction, mut plan) = (None, None, None, None);
-    let (mut last, mut cut) = (None, None);
+    let (mut last, mut broken_by) = (None, None);
     for message in MessageStream::new_with_options(&bytes, ReadOptions::IgnoreEndMagic.into()).map_err(broken)? {
         let message = match message {
             Ok(message) => message,
             Err(why) => {
-                cut = Some(why);
+                broken_by = Some(why);
                 break;
             }
         };
@@ -133,19 +149,18 @@ pub fn read_step(path: &Path, step: u32) -> Result<RecordedStep, RecordingError>
             _ => {}
         }
     }
-    match (briefing, observation, plan, cut) {
+    let path = path.to_owned();
+    match (briefing, observation, plan, broken_by) {
         (Some(briefing), Some(observation), Some(plan), _) => {
             Ok(RecordedStep { briefing, observation, prediction, plan })
         }
         (None, .., Some(why)) => Err(broken(why)),
-        (.., Some(why)) => Err(RecordingError::CutOff { path: path.to_owned(), step, last, why: Box::new(why) }),
-        (briefing, observation, ..) => {
-            let topic = match (briefing, observation) {
-                (None, _) => SCENE,
-                (_, None) => OBSERVATION,
-                _ => PLAN,
-            };
-            Err(RecordingError::Missing { path: path.to_owned(), topic, step, last })
+        (None, ..) => Err(RecordingError::NoScene { path }),
+        (.., Some(McapError::UnexpectedEof)) => Err(RecordingError::CutOff { path, step, last }),
+        (.., Some(why)) => Err(RecordingError::Damaged { path, step, last, why: Box::new(why) }),
+        (_, observation, ..) => {
+            let topic = if observation.is_none() { OBSERVATION } else { PLAN };
+            Err(RecordingError::Missing { path, topic, step, last })
         }
     }
 }

@@ -13,8 +13,12 @@ use crate::gauss_newton_planner::tests::Road;
 
 /// The bytes of a recording with the scene, and observation, prediction and plan of the steps 0 and 1.
 fn recording(road: &Road, predicted: bool, plan: &UncheckedPlan) -> Vec<u8> {
+    recording_with(WriteOptions::new().use_chunks(false), road, predicted, plan)
+}
+
+fn recording_with(options: WriteOptions, road: &Road, predicted: bool, plan: &UncheckedPlan) -> Vec<u8> {
     let mut bytes = std::io::Cursor::new(Vec::new());
-    let mut writer = Writer::with_options(&mut bytes, WriteOptions::new().use_chunks(false)).unwrap();
+    let mut writer = Writer::with_options(&mut bytes, options).unwrap();
     let mut write = |topic: &str, data: Vec<u8>| {
         let channel = writer.add_channel(0, topic, "protobuf", &BTreeMap::new()).unwrap();
         let header = mcap::records::MessageHeader { channel_id: channel, sequence: 0, log_time: 0, publish_time: 0 };
@@ -87,7 +91,7 @@ fn a_recording_that_is_cut_off_is_explained_as_far_as_it_goes() {
     explained(without_the_last_plan, 0).unwrap();
     let error = explained(without_the_last_plan, 1).unwrap_err();
     insta::assert_snapshot!(error, @r"
-    road.mcap is cut off before step 1 is told (MCAP file ended in the middle of a record); it tells steps 0 to 0
+    road.mcap is cut off before step 1 is told; it tells steps 0 to 0
     hint: the command of its run, given again, drives what is missing
     ");
     let error = explained(&whole[..40], 0).unwrap_err();
@@ -95,6 +99,26 @@ fn a_recording_that_is_cut_off_is_explained_as_far_as_it_goes() {
     road.mcap is no readable recording (MCAP file ended in the middle of a record)
     hint: recordings are the files RUN/episodes/SCENE.mcap
     ");
+    // The magic bytes and the header record, and nothing after them.
+    let header = 8 + 9 + usize::from(whole[9]);
+    let error = explained(&whole[..header], 1).unwrap_err();
+    insta::assert_snapshot!(error, @r"
+    road.mcap has no scene: it is empty, cut off before it, or no recording of reloop
+    hint: `recorder info road.mcap` says what it holds
+    ");
+}
+
+#[test]
+fn a_damaged_recording_is_not_called_cut_off() {
+    let road = Road::new(0.4, 8.0, "strict");
+    let chunks = WriteOptions::new().chunk_size(Some(1)).compression(None);
+    let mut bytes = recording_with(chunks, &road, true, &planned(&road));
+    let observation = encoded::<proto::Observation>((&Observation { step: 1, ..road.observation.clone() }).into());
+    let place = bytes.windows(observation.len()).rposition(|window| window == observation).unwrap();
+    bytes[place + observation.len() / 2] ^= 1;
+    let error = explained(&bytes, 1).unwrap_err();
+    assert!(error.starts_with("road.mcap is damaged before step 1 is told (Chunk CRC failed"), "{error}");
+    explained(&bytes, 0).unwrap();
 }
 
 #[test]
