@@ -84,6 +84,8 @@ pub enum SetError {
     Record(#[from] RecordError),
     #[error("the scene {id} is there twice: in {first} and in {second}")]
     Duplicate { id: SceneId, first: Source, second: Source },
+    #[error("{}: {problem}", set.display())]
+    InSet { set: PathBuf, problem: Box<SetError> },
     #[error("{}: {problem}", path.display())]
     Toml { path: PathBuf, problem: String },
     #[error("{}: `scenes` names {}, which none of its files holds", path.display(), ids.join(", "))]
@@ -113,6 +115,12 @@ impl SetError {
             }
             Self::Record(error) => error.hint(),
             Self::Duplicate { .. } => "name each file once, or keep some scenes by `scenes` in a scene-set TOML",
+            Self::InSet { problem, .. } => match **problem {
+                Self::Io { .. } | Self::NoMatch { .. } => {
+                    "paths in a scene-set TOML are relative to its folder: see that this one is right"
+                }
+                ref problem => problem.hint(),
+            },
             Self::Toml { .. } => "docs/scenes.md shows what a scene-set TOML may hold",
             Self::UnknownScenes { .. } => "`scenarios list` shows the ids that are there",
             Self::NoScenes { .. } => "the files are empty: `scenarios list` shows what is in others",

@@ -14,6 +14,9 @@ use crate::cli::ExportArguments;
 pub fn run(arguments: &ExportArguments, out: &mut impl Write) -> Result<bool, Failure> {
     let scenes = Scenes::open(&arguments.inputs)?;
     let folder = &arguments.out;
+    if folder.is_file() {
+        return Err(Failure::NoFolder(folder.clone()));
+    }
     fs::create_dir_all(folder).map_err(|source| Failure::Write { path: folder.clone(), source })?;
     let mut bytes = 0;
     for (index, entry) in scenes.iter() {

@@ -28,6 +28,9 @@ pub enum Failure {
     /// A file is there already.
     #[error("{} is there already", .0.display())]
     Exists(PathBuf),
+    /// Files cannot be put there.
+    #[error("{} is no folder", .0.display())]
+    NoFolder(PathBuf),
     /// A file cannot be written.
     #[error("{}: {source}", path.display())]
     Write {
@@ -46,6 +49,7 @@ impl Failure {
             Self::NoScene(_) => "`scenarios list` shows the ids that are there",
             Self::Output(_) => "see that there is room where the output goes",
             Self::Exists(_) => "give another folder, or --force to replace it",
+            Self::NoFolder(_) => "it is a file; give a folder",
             Self::Write { .. } => "see that the folder can be written and has room",
         }
     }

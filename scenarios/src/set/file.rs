@@ -34,6 +34,9 @@ pub struct SetFile {
     pub scenes: Option<Vec<String>>,
 }
 
+/// The most scenes of one `[[generate]]`: all are made once when the set is opened, a few milliseconds each.
+const MOST_GENERATED: u32 = 100_000;
+
 /// Scenes of one family.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -43,7 +46,7 @@ pub struct Generate {
     /// Where its random numbers start.
     #[serde(default)]
     pub seed: u64,
-    /// How many scenes; they are called `family-seed-0`, `family-seed-1` ...
+    /// How many scenes, at most [`MOST_GENERATED`]; they are called `family-seed-0`, `family-seed-1` ...
     #[serde(default = "one")]
     pub count: u32,
 }
@@ -66,6 +69,12 @@ impl SetFile {
         let set: Self = toml::from_str(text).map_err(|error| TomlProblem(error.to_string().trim_end().to_owned()))?;
         if set.files.is_empty() && set.globs.is_empty() && set.generate.is_empty() {
             return Err(TomlProblem("it names no scenes: give `files`, `globs` or `[[generate]]`".into()));
+        }
+        if let Some(wish) = set.generate.iter().find(|wish| wish.count > MOST_GENERATED) {
+            let (count, family) = (wish.count, &wish.family);
+            return Err(TomlProblem(format!(
+                "`count` of {family} is {count}, more than the {MOST_GENERATED} there may be"
+            )));
         }
         Ok(set)
     }

@@ -25,11 +25,17 @@ pub(super) fn open(input: &str, entries: &mut Vec<SceneEntry>) -> Result<(), Set
     }
 }
 
+/// WOMD's files end in `-00014-of-01000`, so the name only contains `.tfrecord`.
 fn has_tfrecord_name(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().contains(".tfrecord"))
 }
 
-/// WOMD's files end in `-00014-of-01000`, so the name only contains `.tfrecord`; other names go by content.
+/// ScenarioNet keeps the file's name in those of the pickles that it makes: `sd_training.tfrecord-....pkl`.
+fn is_pickle(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "pkl")
+}
+
+/// A file by another name goes by content.
 fn open_file(path: &Path, entries: &mut Vec<SceneEntry>) -> Result<(), SetError> {
     if !has_tfrecord_name(path) {
         let io = |source| SetError::Io { path: path.into(), source };
@@ -60,7 +66,7 @@ fn find_files(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), SetError> {
         let path = entry.path();
         if entry.file_type().map_err(io)?.is_dir() {
             find_files(&path, files)?;
-        } else if has_tfrecord_name(&path) && path.is_file() {
+        } else if has_tfrecord_name(&path) && !is_pickle(&path) && path.is_file() {
             files.push(path);
         }
     }
@@ -84,13 +90,15 @@ fn open_set_file(path: &Path, entries: &mut Vec<SceneEntry>) -> Result<(), SetEr
     let set = SetFile::parse(&text).map_err(|e| SetError::Toml { path: path.into(), problem: e.to_string() })?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut found = Vec::new();
+    let in_set = |problem| SetError::InSet { set: path.into(), problem: Box::new(problem) };
     for file in &set.files {
         let file = folder.join(file);
-        if file.is_dir() { open_folder(&file, &mut found)? } else { open_file(&file, &mut found)? }
+        let opened = if file.is_dir() { open_folder(&file, &mut found) } else { open_file(&file, &mut found) };
+        opened.map_err(in_set)?;
     }
     for pattern in &set.globs {
         let folder = glob::Pattern::escape(&folder.to_string_lossy());
-        open_glob(&Path::new(&folder).join(pattern).to_string_lossy(), &mut found)?;
+        open_glob(&Path::new(&folder).join(pattern).to_string_lossy(), &mut found).map_err(in_set)?;
     }
     for wish in &set.generate {
         generate::generate(path, wish, &mut found)?;

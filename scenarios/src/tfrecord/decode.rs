@@ -50,6 +50,8 @@ pub enum FrameProblem {
     Gzip,
     #[error("the file is compressed with zlib, not a TFRecord")]
     Zlib,
+    #[error("the file is a Python pickle (of ScenarioNet?), not a TFRecord")]
+    Pickle,
     #[error("the file is a Git LFS pointer, not the data itself")]
     LfsPointer,
 }
@@ -67,6 +69,7 @@ impl FrameProblem {
             }
             Self::Gzip => "unpack it first: gzip -d FILE",
             Self::Zlib => "unpack it first; WOMD's own scenario files are not compressed",
+            Self::Pickle => "give the TFRecord files that it was made from: WOMD's own, in scenario format",
             Self::LfsPointer => "fetch the data behind it: git lfs pull",
         }
     }
@@ -196,6 +199,8 @@ impl Decoder {
             _ if self.offset != 0 => None,
             [0x1f, 0x8b, ..] => Some(FrameProblem::Gzip),
             [0x78, 0x01 | 0x5e | 0x9c | 0xda, ..] => Some(FrameProblem::Zlib),
+            // The mark of a pickle and its version; those before 2 have no mark, and are of no use any more.
+            [0x80, 2..=5, ..] => Some(FrameProblem::Pickle),
             _ if start.starts_with(b"version ") => Some(FrameProblem::LfsPointer),
             _ => None,
         }

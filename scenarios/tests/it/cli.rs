@@ -85,10 +85,15 @@ fn errors_say_what_to_do() {
     write("notes.txt", b"dear diary");
     write("typo.toml", b"file = ['x']\n");
     write("family.toml", b"[[generate]]\nfamily = 'roundabout'\n");
+    write("many.toml", b"[[generate]]\nfamily = 'curve'\ncount = 100000000\n");
+    write("nope.toml", b"files = ['data/nope.tfrecord']\n");
+    write("none.toml", b"globs = ['data/*']\n");
+    write("sd_training.tfrecord-0.pkl", b"\x80\x04\x95\x0b\0\0\0\0\0\0\0}\x94\x8c\x01a\x94K\x01s.");
     std::fs::create_dir(folder.path().join("empty")).unwrap();
-    let inputs =
-        ["cut.tfrecord", "packed.tfrecord.gz", "notes.txt", "typo.toml", "family.toml", "empty", "gone", "*.none"];
-    let texts: Vec<String> = inputs.iter().map(|input| run_in(folder.path(), &["list", input])).collect();
+    let inputs = "cut.tfrecord packed.tfrecord.gz sd_training.tfrecord-0.pkl notes.txt typo.toml family.toml many.toml \
+                  nope.toml none.toml empty gone *.none";
+    let mut texts: Vec<String> = inputs.split(' ').map(|input| run_in(folder.path(), &["list", input])).collect();
+    texts.push(run_in(folder.path(), &["export", "demo", "--out", "notes.txt"]));
     assert_snapshot!(texts.concat());
 }
 
