@@ -154,8 +154,8 @@ pub fn read_step(path: &Path, step: u32) -> Result<RecordedStep, RecordingError>
         (Some(briefing), Some(observation), Some(plan), _) => {
             Ok(RecordedStep { briefing, observation, prediction, plan })
         }
+        (None, .., None | Some(McapError::UnexpectedEof)) => Err(RecordingError::NoScene { path }),
         (None, .., Some(why)) => Err(broken(why)),
-        (None, ..) => Err(RecordingError::NoScene { path }),
         (.., Some(McapError::UnexpectedEof)) => Err(RecordingError::CutOff { path, step, last }),
         (.., Some(why)) => Err(RecordingError::Damaged { path, step, last, why: Box::new(why) }),
         (_, observation, ..) => {
