@@ -1,7 +1,8 @@
 //! The product's messages as a recording holds them: the bytes that travelled, and what they say.
 
-use prost::{DecodeError, Message as _};
+use prost::Message as _;
 use thiserror::Error;
+use wire::convert::decode;
 use wire::keys::Channel;
 use wire::proto;
 
@@ -37,14 +38,9 @@ pub fn schema(channel: Channel) -> &'static str {
 /// Why bytes are no message of a recording.
 #[derive(Debug, Error)]
 pub enum MessageError {
-    /// They do not decode.
-    #[error("the bytes are no {}: {source}", schema(*channel))]
-    Malformed {
-        /// Where they came.
-        channel: Channel,
-        /// What is wrong.
-        source: DecodeError,
-    },
+    /// They do not decode, or are more than any honest message has.
+    #[error(transparent)]
+    Refused(#[from] wire::convert::MessageError),
     /// They are the recorder's own answer.
     #[error("what the recorder itself says is not recorded")]
     NotRecorded,
@@ -80,18 +76,15 @@ impl Message {
     pub fn decode(channel: Channel, payload: Vec<u8>) -> Result<Self, MessageError> {
         let bytes = payload.as_slice();
         let body = match channel {
-            Channel::Scene => proto::Scene::decode(bytes).map(|message| Body::Scene(Box::new(message))),
-            Channel::Observation => {
-                proto::Observation::decode(bytes).map(|message| Body::Observation(Box::new(message)))
-            }
-            Channel::Prediction => proto::Prediction::decode(bytes).map(Body::Prediction),
-            Channel::Plan => proto::Plan::decode(bytes).map(Body::Plan),
-            Channel::Record => proto::StepRecord::decode(bytes).map(|message| Body::Record(Box::new(message))),
-            Channel::Event => proto::Event::decode(bytes).map(Body::Event),
-            Channel::End => proto::EpisodeEnd::decode(bytes).map(Body::End),
+            Channel::Scene => Body::Scene(Box::new(decode(bytes)?)),
+            Channel::Observation => Body::Observation(Box::new(decode(bytes)?)),
+            Channel::Prediction => Body::Prediction(decode(bytes)?),
+            Channel::Plan => Body::Plan(decode(bytes)?),
+            Channel::Record => Body::Record(Box::new(decode(bytes)?)),
+            Channel::Event => Body::Event(decode(bytes)?),
+            Channel::End => Body::End(decode(bytes)?),
             Channel::Recorded => return Err(MessageError::NotRecorded),
         };
-        let body = body.map_err(|source| MessageError::Malformed { channel, source })?;
         Ok(Self { body, payload })
     }
 

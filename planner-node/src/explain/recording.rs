@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use mcap::read::Options as ReadOptions;
 use mcap::{McapError, MessageStream};
-use prost::Message;
 use thiserror::Error;
 use wire::proto;
 use world::observation::{Briefing, Observation};
@@ -168,9 +167,9 @@ pub fn read_step(path: &Path, step: u32) -> Result<RecordedStep, RecordingError>
 /// A message's bytes as what they mean.
 fn decoded<M, T>(data: &[u8]) -> Result<T, String>
 where
-    M: Message + Default,
+    M: wire::convert::Message,
     T: TryFrom<M>,
     T::Error: ToString,
 {
-    T::try_from(M::decode(data).map_err(|e| e.to_string())?).map_err(|e| e.to_string())
+    T::try_from(wire::convert::decode(data).map_err(|e| e.to_string())?).map_err(|e| e.to_string())
 }

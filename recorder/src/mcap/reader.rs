@@ -11,8 +11,8 @@ use wire::keys::Channel;
 use super::writer::{METADATA, METADATA_RUN, METADATA_SETTINGS};
 use crate::message::{CHANNELS, Message, MessageError, STEP_NANOSECONDS};
 
-/// The most bytes of one record; a chunk is about a megabyte.
-const RECORD_LIMIT: usize = 1 << 30;
+/// The most bytes of one record: a chunk is about a megabyte, or as large as its largest message.
+const RECORD_LIMIT: usize = 2 * wire::convert::MAX_MESSAGE_BYTES;
 
 /// Why a file is no recording.
 #[derive(Debug, Error)]

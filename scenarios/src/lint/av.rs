@@ -1,4 +1,5 @@
-//! What the logged AV itself does wrong; a judge of the driver `human` finds the same.
+//! What the logged AV itself does wrong, over the whole log. It says of a scene what to expect: the judges of a drive look from the
+//! start on, at the route's lanes alone, and tell levels of the road apart (`docs/metrics.md`).
 
 use world::geometry::{Point, SegmentGrid, boxes_overlap};
 use world::route::{Route, RouteStyle};
@@ -12,6 +13,8 @@ const EDGE_TOLERANCE: f64 = 0.3;
 const FAR_FROM_LANE: f64 = 3.0;
 /// The strict protocol's bound (m).
 const OFF_ROUTE: f64 = 5.0;
+/// A red stop point further to the side than this is of another lane (m): as far as the judges of a drive look.
+const BESIDE: f64 = 2.5;
 /// How far is looked for edges and lanes (m).
 const SEARCH: f64 = 50.0;
 /// Size of the grids' cells (m).
@@ -103,7 +106,7 @@ fn exceeding(av: &[(usize, AgentState)], bound: f64, measure: impl Fn(&AgentStat
     (!steps.is_empty()).then_some((worst, steps))
 }
 
-/// The front bumper passes a red signal's stop point: it was behind it, is past it, and within half a lane's width beside it.
+/// The front bumper passes a red signal's stop point: it was behind it, is past it, and not too far beside it.
 fn red_lights(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) {
     let mut crossed = std::collections::BTreeSet::new();
     for pair in av.windows(2) {
@@ -116,7 +119,7 @@ fn red_lights(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) 
                 (seen.x, seen.y.abs())
             };
             let ((was_ahead, _), (is_ahead, beside)) = (ahead(&before), ahead(&now));
-            if was_ahead >= 0.0 && is_ahead < 0.0 && beside < 1.75 && crossed.insert((step, stop_key(stop))) {
+            if was_ahead >= 0.0 && is_ahead < 0.0 && beside <= BESIDE && crossed.insert((step, stop_key(stop))) {
                 lints.push(Lint::AvRunsRed { lane: signal.lane, step });
             }
         }

@@ -147,8 +147,8 @@ fn each<P, W>(field: &str, limit: usize, list: Vec<P>, convert: impl Fn(P) -> Ch
     list.into_iter().enumerate().map(|(index, entry)| convert(entry).at(field, index)).collect()
 }
 
-/// A message of the bus: its name for people, and the size above which it is not even looked at, which bounds the memory
-/// that a hostile one can claim.
+/// A message of the bus: its name for people, and the size above which it is not even looked at. That bounds the memory which a
+/// hostile one can claim: empty entries of a list take two bytes here and some hundred once they are decoded.
 pub trait Message: prost::Message + Default {
     /// Its name in `reloop.proto`.
     const NAME: &'static str;
@@ -169,12 +169,12 @@ const KIB: usize = 1024;
 const MIB: usize = 1024 * KIB;
 
 /// The largest message of all: no transport takes a larger one.
-pub const MAX_MESSAGE_BYTES: usize = 64 * MIB;
+pub const MAX_MESSAGE_BYTES: usize = 16 * MIB;
 
 messages! {
     Scene: MAX_MESSAGE_BYTES,
     Observation: 4 * MIB,
-    Prediction: 16 * MIB,
+    Prediction: MAX_MESSAGE_BYTES,
     Plan: 256 * KIB,
     StepRecord: 16 * KIB,
     Event: 64 * KIB,
