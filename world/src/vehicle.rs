@@ -66,7 +66,8 @@ pub enum Braking {
 pub enum HeadingRange {
     /// [-pi, pi).
     Wrapped,
-    /// (-2 pi, 2 pi), with the sign of the unwrapped heading: C's `fmod`, in the authors' code.
+    /// (-2 pi, 2 pi), with the sign of the unwrapped heading: C's `fmod` of the sum of all turns since the start, in the
+    /// authors' code. [`Rollout`] carries that sum.
     Remainder,
 }
 
@@ -206,22 +207,30 @@ impl BicycleModel {
         speed / self.wheelbase * slope
     }
 
-    /// Where the vehicle is `dt` seconds later under `control`.
+    /// Where the vehicle is `dt` seconds later under `control`. For more than one step take [`BicycleModel::roll_out`].
     #[must_use]
     #[inline]
     pub fn step(&self, state: VehicleState, control: Control, dt: f64) -> VehicleState {
-        self.step_with_derivatives(state, control, dt).0
+        self.roll_out(state).step(control, dt)
     }
 
-    /// [`BicycleModel::step`], and how it depends on its arguments.
+    /// A drive from `start`.
     #[must_use]
     #[inline]
-    pub fn step_with_derivatives(
+    pub fn roll_out(&self, start: VehicleState) -> Rollout<'_> {
+        Rollout { model: self, state: start, turned: start.heading }
+    }
+
+    /// The step from `state`, whose heading is `turned` before it is brought into range: the new state, its heading before that, and
+    /// the derivatives.
+    #[inline]
+    fn advance(
         &self,
         state: VehicleState,
+        turned: f64,
         control: Control,
         dt: f64,
-    ) -> (VehicleState, StepDerivatives) {
+    ) -> (VehicleState, f64, StepDerivatives) {
         let acceleration = control.acceleration.clamp(-self.acceleration_clip, self.acceleration_clip);
         let owed = state.speed + acceleration * dt;
         let (speed, speed_gain) = match self.braking {
@@ -244,12 +253,16 @@ impl BicycleModel {
         };
         let steers = inside(control.steering.abs() <= self.steering_clip) * dt / self.wheelbase;
         let turn = slope * dt / self.wheelbase;
-        let turned = state.heading + turn * moving;
-        let heading = match self.heading {
-            HeadingRange::Wrapped => wrap_angle(turned),
+        let turned = turned + turn * moving;
+        let (heading, turned) = match self.heading {
+            // Nobody sees how often it went round: the sum stays small.
+            HeadingRange::Wrapped => {
+                let heading = wrap_angle(turned);
+                (heading, heading)
+            }
             // The remainder of what is in range already is itself; the division is slow.
-            HeadingRange::Remainder if turned.abs() < TAU => turned,
-            HeadingRange::Remainder => turned % TAU,
+            HeadingRange::Remainder if turned.abs() < TAU => (turned, turned),
+            HeadingRange::Remainder => (turned % TAU, turned),
         };
         let direction = match self.order {
             UpdateOrder::FromBefore => state.heading,
@@ -268,7 +281,35 @@ impl BicycleModel {
             turn_slope: rise * steers,
             turn_curvature: bend * steers,
         };
-        (next, derivatives)
+        (next, turned, derivatives)
+    }
+}
+
+/// A drive, step by step.
+///
+/// It carries the sum of all turns. Where headings are remainders of that sum, a vehicle that turns fully round and back has its first
+/// heading again; with a remainder taken of each step's heading it would be a turn off from there on.
+#[derive(Clone, Copy, Debug)]
+pub struct Rollout<'a> {
+    model: &'a BicycleModel,
+    state: VehicleState,
+    /// Heading before it is brought into range (rad).
+    turned: f64,
+}
+
+impl Rollout<'_> {
+    /// Where the vehicle is `dt` seconds later under `control`.
+    #[inline]
+    pub fn step(&mut self, control: Control, dt: f64) -> VehicleState {
+        self.step_with_derivatives(control, dt).0
+    }
+
+    /// [`Rollout::step`], and how it depends on the state before and on the control.
+    #[inline]
+    pub fn step_with_derivatives(&mut self, control: Control, dt: f64) -> (VehicleState, StepDerivatives) {
+        let derivatives;
+        (self.state, self.turned, derivatives) = self.model.advance(self.state, self.turned, control, dt);
+        (self.state, derivatives)
     }
 }
 
@@ -296,11 +337,9 @@ mod tests {
         Control { acceleration, steering }
     }
 
-    fn drive(model: &BicycleModel, mut state: VehicleState, control: Control, steps: usize) -> VehicleState {
-        for _ in 0..steps {
-            state = model.step(state, control, DT);
-        }
-        state
+    fn drive(model: &BicycleModel, start: VehicleState, control: Control, steps: usize) -> VehicleState {
+        let mut rollout = model.roll_out(start);
+        (0..steps).fold(start, |_, _| rollout.step(control, DT))
     }
 
     #[test]
@@ -365,6 +404,28 @@ mod tests {
     }
 
     #[test]
+    fn the_authors_heading_is_the_remainder_of_the_sum_and_comes_back_from_a_full_turn() {
+        let models = [BicycleModel::authors_planner(), BicycleModel::authors_training(), BicycleModel::authors_test()];
+        for (model, side) in models.into_iter().flat_map(|model| [(model, 1.0), (model, -1.0)]) {
+            let start = VehicleState { heading: 0.3, speed: 15.0, ..Default::default() };
+            let (there, back) = (control(0.0, side * 0.48), control(0.0, side * -0.4));
+            let per_step = |c: Control| model.yaw_rate(15.0, c.steering) * DT;
+            let mut rollout = model.roll_out(start);
+            let (mut x, mut y, mut round) = (0.0, 0.0, false);
+            for k in 1..=64 {
+                let state = rollout.step(if k <= 32 { there } else { back }, DT);
+                let sum = 0.3 + f64::from(k.min(32)) * per_step(there) + f64::from((k - 32).max(0)) * per_step(back);
+                x += 15.0 * libm::cos(sum) * DT;
+                y += 15.0 * libm::sin(sum) * DT;
+                round |= sum.abs() > TAU;
+                assert!((state.heading - sum % TAU).abs() < 1e-12, "{k}: {} {sum}", state.heading);
+                assert!((state.x - x).abs() < 1e-11 && (state.y - y).abs() < 1e-11, "{k}: {state:?} {x} {y}");
+            }
+            assert!(round);
+        }
+    }
+
+    #[test]
     fn steering_cannot_jump() {
         let limited = Limits::STRICT.apply(control(9.0, 0.4), 0.1, DT);
         assert_eq!(limited, control(5.0, 0.15000000000000002));
@@ -387,7 +448,7 @@ mod tests {
         ) {
             let at = |d_speed: f64, d_heading: f64, d_a: f64, d_s: f64| {
                 let state = VehicleState { x: 1.0, y: 2.0, heading: heading + d_heading, speed: speed + d_speed };
-                model.step_with_derivatives(state, control(a + d_a, s + d_s), DT)
+                model.roll_out(state).step_with_derivatives(control(a + d_a, s + d_s), DT)
             };
             let (_, d) = at(0.0, 0.0, 0.0, 0.0);
             let updated = model.order == UpdateOrder::FromUpdated;

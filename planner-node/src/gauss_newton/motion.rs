@@ -114,10 +114,9 @@ impl Motion {
     /// Drives the controls from `start`.
     pub fn roll_out(&mut self, model: &BicycleModel, start: VehicleState, controls: &Controls) {
         self.order = model.order;
-        let mut state = start;
+        let mut rollout = model.roll_out(start);
         for t in 0..STEPS {
-            let derivatives;
-            (state, derivatives) = model.step_with_derivatives(state, controls.at(t), DT);
+            let (state, derivatives) = rollout.step_with_derivatives(controls.at(t), DT);
             self.states[t] = state;
             self.stages[t] = Stage::new(&derivatives);
             self.derivatives[t] = derivatives;

@@ -384,6 +384,34 @@ fn a_control_that_costs_nothing_is_a_typed_error_and_no_plan() {
 }
 
 #[test]
+fn a_full_turn_and_back_is_costed_by_the_remainder_of_the_summed_heading() {
+    let mut situation = straight([1.0; TERMS]);
+    situation.speed = 15.0;
+    let problem = situation.problem();
+    let mut controls = Controls::ZERO;
+    controls.steering = std::array::from_fn(|t| if t < 32 { 0.48 } else { -0.4 });
+    // The authors' planner: heading grows by speed * steering / wheelbase.
+    let sums = controls.steering.iter().scan(0.05, |sum, steering| {
+        *sum += 0.1 * 15.0 / world::vehicle::WHEELBASE * steering;
+        Some(*sum)
+    });
+    let sums: Vec<f64> = sums.collect();
+    assert!(sums.iter().any(|sum| *sum > 2.0 * PI) && sums[STEPS - 1] < 2.0 * PI);
+    let at = evaluated(&problem, &Settings::paper_test().costing, &controls);
+    let mut layer = Layer::new(LayerSettings { iterations: 0, ..LayerSettings::paper() }, LinearSolver::Sweep);
+    layer.forward(&problem, &controls).unwrap();
+    for (t, sum) in sums.iter().enumerate() {
+        let wanted = sum % (2.0 * PI);
+        assert!((at.motion.states[t].heading - wanted).abs() < 1e-12, "{t}");
+        assert!((layer.output().states[t].heading - wanted).abs() < 1e-12, "{t}");
+        if t % 2 == 1 {
+            // The line's heading is 0.
+            assert!((at.rows.lane_heading[t / 2] - wanted).abs() < 1e-12, "{t}");
+        }
+    }
+}
+
+#[test]
 fn controls_that_are_no_numbers_are_refused() {
     let problem = straight([1.0; TERMS]).problem();
     let mut controls = Controls::ZERO;

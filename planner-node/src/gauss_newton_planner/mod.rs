@@ -184,14 +184,14 @@ impl Rules {
             Self::Paper => (BicycleModel::authors_test(), speed),
             Self::Strict => (BicycleModel::new(step.briefing.wheelbase), av.speed()),
         };
-        let mut state = VehicleState { x: av.x, y: av.y, heading: av.heading, speed };
+        let mut rollout = model.roll_out(VehicleState { x: av.x, y: av.y, heading: av.heading, speed });
         let drive = |t: usize| {
             let control = match self {
                 Self::Paper => best.at(t),
                 Self::Strict => Limits::STRICT.apply(best.at(t), wheel, STEP_SECONDS),
             };
             wheel = control.steering;
-            state = model.step(state, control, STEP_SECONDS);
+            let state = rollout.step(control, STEP_SECONDS);
             (PlanState { x: state.x, y: state.y, heading: state.heading, speed: state.speed.max(0.0) }, control)
         };
         (0..PLAN_STEPS).map(drive).unzip()

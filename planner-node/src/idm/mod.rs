@@ -56,6 +56,7 @@ impl Planner for Idm {
             _ => BicycleModel::new(briefing.wheelbase),
         };
         let mut state = VehicleState { x: av.x, y: av.y, heading: av.heading, speed: av.speed() };
+        let mut rollout = model.roll_out(state);
         let mut driven = observation.control;
         let mut hint = corridor.nearest(av.position());
         let mut plan = UncheckedPlan { step: observation.step, ..Default::default() };
@@ -70,7 +71,7 @@ impl Planner for Idm {
                 steering: steering::angle(&corridor, &place, &state, briefing.wheelbase),
             };
             driven = Limits::STRICT.apply(wanted, driven.steering, STEP_SECONDS);
-            state = model.step(state, driven, STEP_SECONDS);
+            state = rollout.step(driven, STEP_SECONDS);
             plan.controls.push(driven);
             plan.states.push(PlanState { x: state.x, y: state.y, heading: state.heading, speed: state.speed });
         }
