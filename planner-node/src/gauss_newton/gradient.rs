@@ -21,7 +21,7 @@ use super::motion::{Motion, StateChange};
 use super::objective::{Costing, Evaluation};
 use super::problem::Problem;
 use super::rows::Rows;
-use super::solver::SolveError;
+use super::solver::{Settings, SolveError, settled};
 
 /// A gradient by everything that is learned.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,8 +70,12 @@ pub struct LayerSettings {
     pub costing: Costing,
     /// Share of the Gauss-Newton step that is taken.
     pub step: f64,
-    /// Iterations.
+    /// The most iterations.
     pub iterations: usize,
+    /// Converged where the objective, or its change by an iteration, is below this.
+    pub absolute_tolerance: f64,
+    /// Converged where the objective's relative change by an iteration is below this.
+    pub relative_tolerance: f64,
     /// The vehicle that the poses are computed with that the loss looks at.
     pub output_model: BicycleModel,
 }
@@ -80,10 +84,14 @@ impl LayerSettings {
     /// What the authors train with.
     #[must_use]
     pub const fn paper() -> Self {
+        let Settings { costing, step, iterations, absolute_tolerance, relative_tolerance, .. } =
+            Settings::paper_training();
         Self {
-            costing: super::Settings::paper_training().costing,
-            step: 0.4,
-            iterations: 2,
+            costing,
+            step,
+            iterations,
+            absolute_tolerance,
+            relative_tolerance,
             output_model: BicycleModel::authors_training(),
         }
     }
@@ -96,6 +104,8 @@ pub struct Layer {
     normal: NormalEquations,
     /// The initial controls and those after each iteration.
     iterates: Vec<Controls>,
+    /// Iterations done by the last forward pass.
+    done: usize,
     at: Box<Evaluation>,
     objective: f64,
     output: Box<Motion>,
@@ -124,6 +134,7 @@ impl Layer {
             settings,
             normal: NormalEquations::new(linear),
             iterates: vec![Controls::ZERO; settings.iterations + 1],
+            done: 0,
             at: Box::default(),
             objective: 0.0,
             output: Box::default(),
@@ -151,17 +162,32 @@ impl Layer {
             return Err(SolveError::InitialControls);
         }
         self.iterates[0].clone_from(initial);
+        self.done = 0;
+        let mut before = f64::NAN;
         for k in 0..self.settings.iterations {
-            self.linearize(problem, k)?;
+            self.evaluate(problem, k)?;
+            if k > 0 && self.converged(before) {
+                break;
+            }
+            before = self.at.objective;
+            self.factorize(problem, k)?;
             self.normal.solve(&self.at, &self.scratch.right, &mut self.scratch.step);
             let (done, next) = self.iterates.split_at_mut(k + 1);
             next[0].clone_from(&done[k]);
             next[0].add_scaled(-self.settings.step, &self.scratch.step);
+            self.done = k + 1;
         }
-        self.evaluate(problem, self.settings.iterations)?;
+        self.evaluate(problem, self.done)?;
         self.objective = self.at.objective;
-        self.output.roll_out(&self.settings.output_model, problem.av.state, &self.iterates[self.settings.iterations]);
+        self.output.roll_out(&self.settings.output_model, problem.av.state, &self.iterates[self.done]);
         Ok(())
+    }
+
+    /// Whether the iteration that led here from an objective of `before` makes another one needless.
+    fn converged(&self, before: f64) -> bool {
+        let LayerSettings { absolute_tolerance, relative_tolerance, .. } = self.settings;
+        self.at.objective < absolute_tolerance
+            || settled(before, self.at.objective, absolute_tolerance, relative_tolerance)
     }
 
     fn evaluate(&mut self, problem: &Problem, k: usize) -> Result<(), SolveError> {
@@ -172,6 +198,11 @@ impl Layer {
     /// Evaluates and factorizes at iterate `k`; the gradient goes into `right`.
     fn linearize(&mut self, problem: &Problem, k: usize) -> Result<(), SolveError> {
         self.evaluate(problem, k)?;
+        self.factorize(problem, k)
+    }
+
+    /// Factorizes at iterate `k`, which was evaluated last.
+    fn factorize(&mut self, problem: &Problem, k: usize) -> Result<(), SolveError> {
         self.normal
             .factorize(&self.at, &problem.weights)
             .map_err(|pivot| SolveError::Singular { iteration: k, step: pivot.step })?;
@@ -182,13 +213,13 @@ impl Layer {
     /// The controls after the last iteration.
     #[must_use]
     pub fn controls(&self) -> &Controls {
-        &self.iterates[self.settings.iterations]
+        &self.iterates[self.done]
     }
 
     /// The initial controls and those after each iteration.
     #[must_use]
     pub fn iterates(&self) -> &[Controls] {
-        &self.iterates
+        &self.iterates[..=self.done]
     }
 
     /// The rollout that the loss looks at.
@@ -218,10 +249,10 @@ impl Layer {
         gradients.weights = [0.0; TERMS];
         self.output.pull_back(&output.poses, &mut gradients.controls);
         if output.squares != 0.0 {
-            self.evaluate(problem, self.settings.iterations)?;
+            self.evaluate(problem, self.done)?;
             self.pull_back_squares(problem, output.squares, gradients);
         }
-        for k in (0..self.settings.iterations).rev() {
+        for k in (0..self.done).rev() {
             self.linearize(problem, k)?;
             self.pull_back_iteration(problem, gradients);
         }

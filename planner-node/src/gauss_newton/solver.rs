@@ -62,6 +62,12 @@ impl Settings {
         Self { step: 0.4, iterations: 2, absolute_tolerance: 1e-10, ..Self::paper_test() }
     }
 
+    /// Whether an iteration that took the objective from `before` to `now` changed so little that another will not pay.
+    #[must_use]
+    pub fn settled(&self, before: f64, now: f64) -> bool {
+        settled(before, now, self.absolute_tolerance, self.relative_tolerance)
+    }
+
     /// The better of what was measured (`docs/planner.md`): the objective of the vehicle that is driven, from what it does now on
     /// and as fast as its wheels turn, headings compared as angles, a lane with an edge, and a polish.
     #[must_use]
@@ -87,6 +93,8 @@ pub enum Status {
     Converged,
     /// It was stopped.
     IterationLimit,
+    /// The objective became infinite or not a number; what was best by then is the result.
+    Diverged,
     /// The normal matrix was singular; what was best by then is the result.
     Singular {
         /// The step whose control has no effect on the objective.
@@ -101,6 +109,7 @@ impl Status {
         match self {
             Self::Converged => "converged",
             Self::IterationLimit => "iteration limit",
+            Self::Diverged => "diverged",
             Self::Singular { .. } => "singular",
         }
     }
@@ -112,7 +121,7 @@ pub enum SolveError {
     /// The controls to start from are not numbers.
     #[error("the initial controls are not finite")]
     InitialControls,
-    /// The objective became infinite or not a number.
+    /// The objective is infinite or not a number: at the initial controls, or on the way where a gradient is wanted.
     #[error("the objective is not finite after {iterations} iterations")]
     Objective {
         /// Iterations done.
@@ -177,8 +186,8 @@ impl Solver {
     /// Searches from `initial`. The result is in [`Solver::best`] and [`Solver::last`].
     ///
     /// # Errors
-    /// [`SolveError::InitialControls`] and [`SolveError::Objective`]. A singular matrix ends the search, but is no error: what
-    /// is best by then stands.
+    /// [`SolveError::InitialControls`], and [`SolveError::Objective`] of those. A singular matrix, or an objective that is no number later
+    /// on, ends the search, but is no error: what is best by then stands.
     pub fn solve(&mut self, problem: &Problem, settings: &Settings, initial: &Controls) -> Result<Summary, SolveError> {
         if !initial.is_finite() {
             return Err(SolveError::InitialControls);
@@ -190,11 +199,11 @@ impl Solver {
         self.history.push(checked(self.at.objective, 0)?);
         let mut summary =
             Summary { status: Status::IterationLimit, iterations: 0, best_after: 0, best_objective: self.at.objective };
-        self.iterate(problem, settings, settings.iterations, &mut summary, Self::fixed_step)?;
+        self.iterate(problem, settings, settings.iterations, &mut summary, Self::fixed_step);
         if settings.polish > 0 && !matches!(summary.status, Status::Singular { .. }) {
             self.controls.clone_from(&self.best);
             self.at.evaluate(problem, &settings.costing, &self.best);
-            self.iterate(problem, settings, settings.polish, &mut summary, Self::downhill_step)?;
+            self.iterate(problem, settings, settings.polish, &mut summary, Self::downhill_step);
         }
         Ok(summary)
     }
@@ -207,7 +216,7 @@ impl Solver {
         limit: usize,
         summary: &mut Summary,
         step: fn(&mut Self, &Problem, &Settings) -> Result<(), BadPivot>,
-    ) -> Result<(), SolveError> {
+    ) {
         summary.status = Status::IterationLimit;
         for _ in 0..limit {
             let before = self.at.objective;
@@ -216,23 +225,23 @@ impl Solver {
                 break;
             }
             summary.iterations += 1;
-            let now = checked(self.at.objective, summary.iterations)?;
+            let now = self.at.objective;
             self.history.push(now);
+            if !now.is_finite() {
+                // The authors' factorization fails on it.
+                summary.status = Status::Diverged;
+                break;
+            }
             if now < summary.best_objective {
                 summary.best_objective = now;
                 summary.best_after = summary.iterations;
                 self.best.clone_from(&self.controls);
             }
-            let change = (before - now).abs();
-            if now < settings.absolute_tolerance
-                || change < settings.absolute_tolerance
-                || change / before < settings.relative_tolerance
-            {
+            if now < settings.absolute_tolerance || settings.settled(before, now) {
                 summary.status = Status::Converged;
                 break;
             }
         }
-        Ok(())
     }
 
     /// Solves for the Gauss-Newton step at the present controls; it is to be subtracted.
@@ -311,6 +320,12 @@ impl Solver {
         step.add_scaled(-1.0, &self.step);
         Ok(step)
     }
+}
+
+/// [`Settings::settled`] with these tolerances.
+pub(super) fn settled(before: f64, now: f64, absolute: f64, relative: f64) -> bool {
+    let change = (before - now).abs();
+    change < absolute || change / before < relative
 }
 
 fn checked(objective: f64, iterations: usize) -> Result<f64, SolveError> {

@@ -424,6 +424,39 @@ fn controls_that_are_no_numbers_are_refused() {
 }
 
 #[test]
+fn a_search_that_leaves_all_numbers_keeps_the_best_it_had() {
+    let mut situation = straight([1.0; TERMS]);
+    situation.speed = 9.0;
+    let problem = situation.problem();
+    let mut solver = Solver::new(LinearSolver::Sweep);
+    let settings = Settings { step: 1e200, ..Settings::paper_test() };
+    let summary = solver.solve(&problem, &settings, &Controls::ZERO).unwrap();
+    assert_eq!((summary.status, summary.iterations, summary.best_after), (Status::Diverged, 1, 0));
+    assert_eq!(solver.best(), &Controls::ZERO);
+    assert_eq!(summary.best_objective, solver.history()[0]);
+    // A line search from there goes on.
+    let summary = solver.solve(&problem, &Settings { polish: 20, ..settings }, &Controls::ZERO).unwrap();
+    assert!(summary.best_objective < solver.history()[0]);
+}
+
+#[test]
+fn training_ends_where_an_iteration_changes_nothing() {
+    // Speed, acceleration and steering alone: one whole step leads to the minimum.
+    let problem = straight([1.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]).problem();
+    let iterations = |initial: &Controls| {
+        let mut layer = Layer::new(LayerSettings::paper(), LinearSolver::Sweep);
+        layer.forward(&problem, initial).unwrap();
+        let mut by = Gradients::ZERO;
+        layer.backward(&problem, &OutputGradient { squares: 0.1, ..OutputGradient::ZERO }, &mut by).unwrap();
+        assert_eq!(layer.controls(), layer.iterates().last().unwrap());
+        layer.iterates().len() - 1
+    };
+    let mut solver = Solver::new(LinearSolver::Sweep);
+    solver.solve(&problem, &Settings { step: 1.0, ..Settings::paper_test() }, &Controls::ZERO).unwrap();
+    assert_eq!((iterations(&Controls::ZERO), iterations(solver.best())), (2, 1));
+}
+
+#[test]
 fn a_warm_solver_gives_the_bits_of_a_new_one() {
     let mut first = straight([1.0; TERMS]);
     first.speed = 9.0;

@@ -132,11 +132,13 @@ impl Planner for Drive {
         if self.rules == Rules::Strict && self.planned {
             let from_last = one_step_on(&self.best);
             self.best.clone_from(self.solver.best());
-            let again = self.solver.solve(problem, &self.settings, &from_last).map_err(|e| e.to_string())?;
-            summary.iterations += again.iterations;
-            if again.best_objective < summary.best_objective {
-                summary = Summary { iterations: summary.iterations, ..again };
-                self.best.clone_from(self.solver.best());
+            // A start that leads nowhere takes nothing from what the first one found.
+            if let Ok(again) = self.solver.solve(problem, &self.settings, &from_last) {
+                summary.iterations += again.iterations;
+                if again.best_objective < summary.best_objective {
+                    summary = Summary { iterations: summary.iterations, ..again };
+                    self.best.clone_from(self.solver.best());
+                }
             }
         } else {
             self.best.clone_from(self.solver.best());

@@ -238,12 +238,12 @@ pub(super) fn ended_otherwise(npz: &Npz, summary: &Summary) -> Result<f64, CaseE
     ]))
 }
 
-/// Theseus' `converged_iter`: it stays 0 where the factorization fails.
+/// Theseus' `converged_iter`: where the factorization fails, the iterations until then.
 fn converged_after(summary: &Summary) -> f64 {
     match summary.status {
         Status::Converged => summary.iterations as f64,
         Status::IterationLimit => -1.0,
-        Status::Singular { .. } => 0.0,
+        Status::Diverged | Status::Singular { .. } => summary.iterations as f64,
     }
 }
 
@@ -251,7 +251,7 @@ fn theseus_status(status: Status) -> f64 {
     match status {
         Status::Converged => 1.0,
         Status::IterationLimit => 2.0,
-        Status::Singular { .. } => -1.0,
+        Status::Diverged | Status::Singular { .. } => -1.0,
     }
 }
 
