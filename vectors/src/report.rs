@@ -41,6 +41,7 @@ pub struct Report {
     cases: usize,
     columns: Vec<&'static str>,
     rows: Vec<(Quantity, Vec<Worst>)>,
+    notes: Vec<String>,
 }
 
 impl Report {
@@ -48,7 +49,12 @@ impl Report {
     #[must_use]
     pub fn new(columns: &[&'static str], quantities: &[Quantity]) -> Self {
         let row = |quantity: &Quantity| (*quantity, vec![Worst::default(); columns.len()]);
-        Self { cases: 0, columns: columns.to_vec(), rows: quantities.iter().map(row).collect() }
+        Self { cases: 0, columns: columns.to_vec(), rows: quantities.iter().map(row).collect(), notes: vec![] }
+    }
+
+    /// Adds a line to be read with the table.
+    pub fn note(&mut self, line: String) {
+        self.notes.push(line);
     }
 
     /// Counts a case.
@@ -110,6 +116,9 @@ impl fmt::Display for Report {
         for row in &table {
             let cells = row.iter().zip(&widths).map(|(cell, width)| format!("{cell:<width$}"));
             writeln!(f, "{}", cells.collect::<Vec<_>>().join("  ").trim_end())?;
+        }
+        for note in &self.notes {
+            writeln!(f, "{note}")?;
         }
         write!(f, "{}", if self.holds() { "all within tolerance" } else { "OUT OF TOLERANCE" })
     }
@@ -183,6 +192,14 @@ mod tests {
                 "OUT OF TOLERANCE",
             ]
         );
+    }
+
+    #[test]
+    fn notes_stand_between_the_table_and_the_verdict() {
+        let mut report = Report::new(&["ours"], &[LENGTH]);
+        report.add(0, LENGTH, 0.0, "here");
+        report.note("left out: 2 steps".to_owned());
+        assert!(report.to_string().ends_with("\nleft out: 2 steps\nall within tolerance"), "{report}");
     }
 
     #[test]

@@ -1,17 +1,15 @@
-//! Cases that the authors solved as one batch. Each must come out as it does alone, but for a quirk of theirs: what
+//! Cases that the authors solved as one batch. Each must come out as it does alone, but that they stop `together`, and for a quirk: what
 //! lacks to a safe distance they reckon with the length of another neighbor, the one that is nearest in the *first* case of
 //! the batch (their Jacobian does not). Here the quirk is computed beside our own residual and must explain theirs to the
 //! last digits; a case that it makes another is not followed further.
 
-use vectors::{Npz, absolute, relative, worst_deviation};
+use vectors::{Npz, absolute, worst_deviation};
 
 use super::case::{CaseError, controls, problem};
-use super::quantities as q;
+use super::{quantities as q, together};
 use crate::gauss_newton::constants::{KEY_STEPS, LATERAL_MARGIN, NEIGHBORS, SAFE_GAP, STEPS, Term};
 use crate::gauss_newton::dense::{UNKNOWNS, jacobian};
-use crate::gauss_newton::{
-    Controls, Evaluation, Gradients, Layer, LayerSettings, LinearSolver, Problem, Settings, Solver,
-};
+use crate::gauss_newton::{Controls, Evaluation, Gradients, Layer, LayerSettings, LinearSolver, Problem, Settings};
 
 /// At each key step the place of the nearest neighbor in the AV's path and its distance (m): the first place and the authors'
 /// 100 m where nobody is.
@@ -22,28 +20,70 @@ pub(super) fn size(npz: &Npz) -> Option<usize> {
     npz.shapes().find(|(name, shape)| *name == "controls0" && shape.len() == 3).map(|(_, shape)| shape[0])
 }
 
+/// One case of a batch.
+struct Case {
+    arrays: Npz,
+    problem: Problem,
+    initial: Controls,
+}
+
 /// The deviations of a batch of `size` cases.
 pub(super) fn deviations(npz: &Npz, size: usize, linear: LinearSolver) -> Result<q::Deviations, CaseError> {
-    let mut found = Vec::new();
-    let mut first: Option<Nearest> = None;
+    let mut cases = Vec::with_capacity(size);
     for index in 0..size {
-        let case = npz.case(index, size);
-        let (problem, initial) = (problem(&case)?, controls(&case, "controls0")?);
-        let mut at = Evaluation::default();
-        at.evaluate(&problem, &Settings::paper_test().costing, &initial);
-        let agents = case.array("current_state", &[Some(NEIGHBORS + 1), Some(8)])?.as_chunks::<8>().0;
-        let predictions = case.array("predictions", &[Some(NEIGHBORS), Some(STEPS), Some(3)])?;
-        let own = nearest_in_path(&problem, &at, agents, predictions);
-        let quirk = residuals(&at, &problem, agents, &own, first.get_or_insert(own));
-        let wanted = case.array("residual_weighted", &[Some(quirk.len())])?;
+        let arrays = npz.case(index, size);
+        cases.push(Case { problem: problem(&arrays)?, initial: controls(&arrays, "controls0")?, arrays });
+    }
+    let mut found = Vec::new();
+    at_the_start(&cases, &mut found)?;
+    searched(&cases, linear, &mut found)?;
+    trained(&cases, linear, &mut found)?;
+    Ok(found)
+}
+
+impl Case {
+    /// The rows at these controls as the authors have them, and whether their quirk makes them others than ours. `first` is the first
+    /// case's [`Nearest`]; it is set where it is not yet.
+    fn quirk(
+        &self,
+        at: &mut Evaluation,
+        controls: &Controls,
+        first: &mut Option<Nearest>,
+    ) -> Result<(Vec<f64>, bool), CaseError> {
+        at.evaluate(&self.problem, &Settings::paper_test().costing, controls);
+        let agents = self.arrays.array("current_state", &[Some(NEIGHBORS + 1), Some(8)])?.as_chunks::<8>().0;
+        let predictions = self.arrays.array("predictions", &[Some(NEIGHBORS), Some(STEPS), Some(3)])?;
+        let own = nearest_in_path(&self.problem, at, agents, predictions);
+        let rows = residuals(at, &self.problem, agents, &own, first.get_or_insert(own));
+        let other = rows != q::stacked(at, self.problem.weights());
+        Ok((rows, other))
+    }
+}
+
+fn at_the_start(cases: &[Case], found: &mut q::Deviations) -> Result<(), CaseError> {
+    let (mut at, mut first) = (Evaluation::default(), None);
+    for case in cases {
+        let (quirk, _) = case.quirk(&mut at, &case.initial, &mut first)?;
+        let wanted = case.arrays.array("residual_weighted", &[Some(quirk.len())])?;
         found.push((q::RESIDUALS, worst_deviation(quirk.iter().copied(), wanted, absolute)));
-        found.push((q::JACOBIAN, safety_jacobian(&case, &problem, &at)?));
-        if quirk == q::stacked(&at, problem.weights()) {
-            searched(&case, &problem, &initial, linear, &mut found)?;
-            trained(&case, size, &problem, &initial, linear, &mut found)?;
+        found.push((q::JACOBIAN, safety_jacobian(&case.arrays, &case.problem, &at)?));
+    }
+    Ok(())
+}
+
+/// Whether the quirk leaves each case alone, at every one of its iterates; where it has fewer than the first, at its last.
+fn left_alone(cases: &[Case], iterates: &[&[Controls]]) -> Result<Vec<bool>, CaseError> {
+    let mut alone = vec![true; cases.len()];
+    let mut at = Evaluation::default();
+    for k in 0..iterates.iter().map(|all| all.len()).max().unwrap_or(0) {
+        let mut first = None;
+        for ((case, iterates), alone) in cases.iter().zip(iterates).zip(&mut alone) {
+            if let Some(controls) = iterates.get(k).or(iterates.last()) {
+                *alone &= !case.quirk(&mut at, controls, &mut first)?.1;
+            }
         }
     }
-    Ok(found)
+    Ok(alone)
 }
 
 fn nearest_in_path(problem: &Problem, at: &Evaluation, agents: &[[f64; 8]], predictions: &[f64]) -> Nearest {
@@ -91,46 +131,42 @@ fn safety_jacobian(case: &Npz, problem: &Problem, at: &Evaluation) -> Result<f64
     Ok(worst)
 }
 
-fn searched(
-    case: &Npz,
-    problem: &Problem,
-    initial: &Controls,
-    linear: LinearSolver,
-    found: &mut q::Deviations,
-) -> Result<(), CaseError> {
-    let mut solver = Solver::new(linear);
-    let Ok(summary) = solver.solve(problem, &Settings::paper_test(), initial) else {
-        found.push((q::ITERATIONS, f64::INFINITY));
-        return Ok(());
-    };
-    let history = case.array("test_objective_history", &[None])?;
-    found.push((q::OBJECTIVE_HISTORY, worst_deviation(solver.history().iter().copied(), history, relative)));
-    found.push((q::ITERATIONS, q::ended_otherwise(case, &summary)?));
-    let best = case.array("test_best_controls", &[Some(STEPS), Some(2)])?;
-    found.push((q::BEST_CONTROLS, worst_deviation(solver.best().interleaved(), best, absolute)));
+fn searched(cases: &[Case], linear: LinearSolver, found: &mut q::Deviations) -> Result<(), CaseError> {
+    let inputs: Vec<_> = cases.iter().map(|case| (&case.problem, &case.initial)).collect();
+    let all = together::search(&inputs, &Settings::paper_test(), linear);
+    let alone = left_alone(cases, &all.iter().map(|one| &one.iterates[..]).collect::<Vec<_>>())?;
+    for ((Case { arrays, .. }, one), _) in cases.iter().zip(&all).zip(alone).filter(|(_, alone)| *alone) {
+        let history = arrays.array("test_objective_history", &[None])?;
+        found.push((q::OBJECTIVE_HISTORY, q::history_deviation(&one.history, history)));
+        found.push((q::ITERATIONS, q::ended_otherwise(arrays, &one.ending)?));
+        let best = arrays.array("test_best_controls", &[Some(STEPS), Some(2)])?;
+        found.push((q::BEST_CONTROLS, worst_deviation(one.iterates[one.best].interleaved(), best, absolute)));
+    }
     Ok(())
 }
 
-fn trained(
-    case: &Npz,
-    size: usize,
-    problem: &Problem,
-    initial: &Controls,
-    linear: LinearSolver,
-    found: &mut q::Deviations,
-) -> Result<(), CaseError> {
-    let mut layer = Layer::new(LayerSettings::paper(), linear);
-    if layer.forward(problem, initial).is_err() {
-        found.push((q::TRAINING_STATUS, 1.0));
-        return Ok(());
+fn trained(cases: &[Case], linear: LinearSolver, found: &mut q::Deviations) -> Result<(), CaseError> {
+    let mut layers = Vec::with_capacity(cases.len());
+    for case in cases {
+        let mut layer = Layer::new(LayerSettings::paper(), linear);
+        if layer.forward(&case.problem, &case.initial).is_err() {
+            found.push((q::TRAINING_STATUS, 1.0));
+            return Ok(());
+        }
+        layers.push(layer);
     }
-    q::training_result(case, &layer, found)?;
-    let (_, gradient) = q::loss(&layer, case.array("target", &[Some(STEPS), Some(3)])?, true);
-    let mut by = Gradients::ZERO;
-    if layer.backward(problem, &gradient, &mut by).is_err() {
-        found.push((q::CONTROL_GRADIENTS, f64::INFINITY));
-        return Ok(());
-    }
+    let alone = left_alone(cases, &layers.iter().map(Layer::iterates).collect::<Vec<_>>())?;
     // Their loss is the mean over the batch.
-    q::gradients(case, "train", &by, 1.0 / size as f64, found)
+    let share = 1.0 / cases.len() as f64;
+    for ((case, layer), _) in cases.iter().zip(&mut layers).zip(alone).filter(|(_, alone)| *alone) {
+        q::training_result(&case.arrays, layer, found)?;
+        let (_, gradient) = q::loss(layer, case.arrays.array("target", &[Some(STEPS), Some(3)])?, true);
+        let mut by = Gradients::ZERO;
+        if layer.backward(&case.problem, &gradient, &mut by).is_err() {
+            found.push((q::CONTROL_GRADIENTS, f64::INFINITY));
+            continue;
+        }
+        q::gradients(&case.arrays, "train", &by, share, found)?;
+    }
+    Ok(())
 }

@@ -19,44 +19,83 @@ use crate::gauss_newton::{Controls, Inputs, LinearSolver, Neighbor, Problem, Set
 /// Rows of the reference line that lie behind the AV.
 const BEHIND: usize = 200;
 
+/// Every tenth row of the reference line is stored.
+const ROWS_STORED: usize = 120;
+
 /// The route file beside an episode's, if this is an episode of the planner.
 pub(super) fn route_of(episode: &Path) -> Option<PathBuf> {
     let scene = episode.file_name()?.to_str()?.strip_suffix("__planner.npz")?;
     Some(episode.with_file_name(format!("{scene}__route.npz")))
 }
 
-/// The deviations of one episode.
-pub(super) fn deviations(npz: &Npz, route: &Npz, linear: LinearSolver) -> Result<Deviations, CaseError> {
+/// The plans of an episode that can be compared.
+pub(super) struct Episode {
+    plans: Vec<Stored>,
+    /// How many cannot, since it is not known which red light was ahead.
+    pub left_out: usize,
+}
+
+/// A situation and what the authors planned in it.
+struct Stored {
+    problem: Problem,
+    control: [f64; 2],
+    pose: [f64; 3],
+    objective: f64,
+}
+
+/// Reads an episode.
+pub(super) fn read(npz: &Npz, route: &Npz) -> Result<Episode, CaseError> {
     let steps = npz.array("every10_step", &[None])?;
     let objectives = npz.array("plan_objective", &[None])?;
-    let controls = npz.array("control_first", &[Some(objectives.len()), Some(2)])?;
-    let poses = npz.array("plan_first", &[Some(objectives.len()), Some(3)])?;
-    let mut solver = Solver::new(linear);
-    let mut found = Vec::new();
+    let mut episode = Episode { plans: Vec::new(), left_out: 0 };
     for (stored, step) in steps.iter().enumerate() {
         let step = *step as usize;
         // The observation after the last step has no plan.
         let Some(objective) = objectives.get(step) else { continue };
-        let problem = problem(npz, route, stored, step)?;
-        let Ok(summary) = solver.solve(&problem, &Settings::paper_test(), &Controls::ZERO) else {
+        let Some(problem) = problem(npz, route, stored, step)? else {
+            episode.left_out += 1;
+            continue;
+        };
+        episode.plans.push(Stored {
+            problem,
+            control: row(npz, "control_first", &[Some(objectives.len()), Some(2)], step)?,
+            pose: row(npz, "plan_first", &[Some(objectives.len()), Some(3)], step)?,
+            objective: *objective,
+        });
+    }
+    Ok(episode)
+}
+
+/// The deviations of an episode.
+pub(super) fn deviations(episode: &Episode, linear: LinearSolver) -> Deviations {
+    let mut solver = Solver::new(linear);
+    let mut found = Vec::new();
+    for Stored { problem, control, pose, objective } in &episode.plans {
+        let Ok(summary) = solver.solve(problem, &Settings::paper_test(), &Controls::ZERO) else {
             found.push((LOOP_OBJECTIVES, f64::INFINITY));
             continue;
         };
         let first = solver.best().at(0);
-        let first = [first.acceleration, first.steering];
-        found.push((LOOP_CONTROLS, worst_deviation(first, &controls[2 * step..][..2], absolute)));
-        let pose = trajectory(&problem, &BicycleModel::authors_test(), solver.best())[0];
-        found.push((LOOP_POSES, worst_deviation([pose.x, pose.y, pose.heading], &poses[3 * step..][..3], absolute)));
+        found.push((LOOP_CONTROLS, worst_deviation([first.acceleration, first.steering], control, absolute)));
+        let state = trajectory(problem, &BicycleModel::authors_test(), solver.best())[0];
+        found.push((LOOP_POSES, worst_deviation([state.x, state.y, state.heading], pose, absolute)));
         found.push((LOOP_OBJECTIVES, worst_deviation([summary.best_objective], &[*objective], relative)));
     }
-    Ok(found)
+    found
 }
 
-/// The problem before step `step`, whose inputs are the `stored`-th that the file has.
-fn problem(npz: &Npz, route: &Npz, stored: usize, step: usize) -> Result<Problem, CaseError> {
+/// The problem before step `step`, whose inputs are the `stored`-th that the file has; `None` where they do not tell all of it.
+fn problem(npz: &Npz, route: &Npz, stored: usize, step: usize) -> Result<Option<Problem>, CaseError> {
     let number = |name: &str| -> Result<f64, NpzError> {
         let all = npz.array(name, &[None])?;
         all.get(step).copied().ok_or_else(|| npz.error(name, format!("has no entry {step}")))
+    };
+    let line = [None, Some(ROWS_STORED), Some(5)];
+    let is_red = |tenth: usize| {
+        Ok::<_, NpzError>(row::<5>(npz, "every10_ref_line", &line, stored * ROWS_STORED + tenth)?[4] == 0.0)
+    };
+    let Some(stop_distance) = stop_distance(number("red_first")?, number("red_count")?, is_red(BEHIND / 10)?) else {
+        return Ok(None);
     };
     let av = row::<8>(npz, "av_state", &[None, Some(8)], step)?;
     let start = number("route_start")? as usize;
@@ -85,26 +124,31 @@ fn problem(npz: &Npz, route: &Npz, stored: usize, step: usize) -> Result<Problem
         .collect();
     let own = agents[0];
     let state = VehicleState { x: own[0], y: own[1], heading: own[2], speed: libm::hypot(own[3], own[4]) };
-    Ok(Problem::new(&Inputs {
+    Ok(Some(Problem::new(&Inputs {
         line_x: &x,
         line_y: &y,
         line_heading: &heading,
         speed_target: number("speed_limit")?,
-        stop_distance: stop_distance(number("red_first")?, number("red_count")?),
+        stop_distance,
         av: Vehicle { state, length: own[5], width: own[6] },
         present: None,
         neighbors: &neighbors,
         weights: HAND_TUNED,
-    })?)
+    })?))
 }
 
-/// The stop before the first red row ahead, of rows that follow each other.
-fn stop_distance(first: f64, count: f64) -> Option<f64> {
-    if first < 0.0 {
-        return None;
+/// How far the AV may drive until the first red row ahead, if there is one; `None` where the file does not say. It tells the
+/// first of all red rows and how many there are, but not which, and `own`: whether the AV's row is one.
+fn stop_distance(first: f64, count: f64, own: bool) -> Option<Option<f64>> {
+    if first < 0.0 || own {
+        // The authors ignore what is red at the AV's own row, and with it all that is further ahead.
+        return Some(None);
     }
-    let ahead = (first as usize..(first + count) as usize).find(|row| *row >= BEHIND)?;
-    (ahead != BEHIND).then(|| 0.1 * (ahead - BEHIND) as f64 - STOP_MARGIN)
+    if first as usize > BEHIND {
+        return Some(Some(0.1 * (first as usize - BEHIND) as f64 - STOP_MARGIN));
+    }
+    // One red row that is behind leaves none ahead; of several, any but the first may be.
+    (count <= 1.0).then_some(None)
 }
 
 /// Positions at constant speed and turn rate, the heading after a second given.
@@ -128,4 +172,22 @@ fn constant_turn_rate(agent: &[f64; 8], heading_after_a_second: f64) -> Vec<(f64
 fn row<const N: usize>(npz: &Npz, name: &str, shape: &[Option<usize>], index: usize) -> Result<[f64; N], NpzError> {
     let all = npz.rows::<N>(name, shape)?;
     all.get(index).copied().ok_or_else(|| npz.error(name, format!("has no row {index}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_red_light_ahead_is_known_or_the_plan_is_left_out() {
+        assert_eq!(stop_distance(-1.0, 0.0, false), Some(None));
+        assert_eq!(stop_distance(500.0, 4.0, false), Some(Some(27.0)));
+        assert_eq!(stop_distance(210.0, 4.0, false), Some(Some(-2.0)));
+        // The AV stands on it.
+        assert_eq!(stop_distance(200.0, 4.0, true), Some(None));
+        assert_eq!(stop_distance(198.0, 4.0, true), Some(None));
+        // One behind; or several, of which some may be ahead, say at 27 m.
+        assert_eq!(stop_distance(100.0, 1.0, false), Some(None));
+        assert_eq!(stop_distance(100.0, 8.0, false), None);
+    }
 }

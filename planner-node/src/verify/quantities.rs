@@ -39,8 +39,8 @@ pub(super) const LOOP_CONTROLS: Quantity = Quantity::within("closed loop, first 
 pub(super) const LOOP_POSES: Quantity = Quantity::within("closed loop, first pose", 1e-5, "abs");
 pub(super) const LOOP_OBJECTIVES: Quantity = Quantity::within("closed loop, objective", 1e-4, "rel");
 
-/// The quantities of a case, with the tolerances of the vectors' README.
-pub(super) const OF_CASES: [Quantity; 20] = [
+/// The quantities of cases, with the tolerances of the vectors' README.
+const OF_CASES: [Quantity; 20] = [
     INITIAL_TRAJECTORY,
     NEAREST_SAMPLES,
     FRENET,
@@ -63,8 +63,74 @@ pub(super) const OF_CASES: [Quantity; 20] = [
     WEIGHT_GRADIENTS,
 ];
 
+/// Those of a case that the authors' test could not take a step from do without these.
+const OF_STEPS: [Quantity; 2] = [NORMAL_EQUATIONS, TEACHER_FORCED_STEPS];
+
+/// Those of a case that the authors' training could not take a step from do without these.
+const OF_TRAINING: [Quantity; 7] = [
+    TRAINING_CONTROLS,
+    TRAINING_TRAJECTORY,
+    TRAINING_OBJECTIVE,
+    LOSSES,
+    CONTROL_GRADIENTS,
+    PREDICTION_GRADIENTS,
+    WEIGHT_GRADIENTS,
+];
+
+/// The quantities of a batch. Its first case at least is compared throughout.
+const OF_BATCHES: [Quantity; 10] = [
+    RESIDUALS,
+    JACOBIAN,
+    OBJECTIVE_HISTORY,
+    ITERATIONS,
+    BEST_CONTROLS,
+    TRAINING_CONTROLS,
+    TRAINING_TRAJECTORY,
+    TRAINING_OBJECTIVE,
+    CONTROL_GRADIENTS,
+    PREDICTION_GRADIENTS,
+];
+
 /// The quantities of a closed loop's episode.
-pub(super) const OF_EPISODES: [Quantity; 3] = [LOOP_CONTROLS, LOOP_POSES, LOOP_OBJECTIVES];
+const OF_EPISODES: [Quantity; 3] = [LOOP_CONTROLS, LOOP_POSES, LOOP_OBJECTIVES];
+
+/// What a file of vectors is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// An episode of the closed loop.
+    Episode,
+    /// As many cases as this, solved as one.
+    Batch(usize),
+    /// A case: whether the test took a step from it, and whether the training did.
+    Case { tested: bool, trained: bool },
+}
+
+impl Kind {
+    /// Whether this quantity must be compared.
+    fn has(self, quantity: &Quantity) -> bool {
+        match self {
+            Self::Episode => OF_EPISODES.contains(quantity),
+            Self::Batch(_) => OF_BATCHES.contains(quantity),
+            Self::Case { tested, trained } => {
+                OF_CASES.contains(quantity)
+                    && (tested || !OF_STEPS.contains(quantity))
+                    && (trained || !OF_TRAINING.contains(quantity))
+            }
+        }
+    }
+
+    /// A case, by its arrays.
+    pub fn of_case(npz: &Npz) -> Result<Self, CaseError> {
+        let holds = |name: &str| npz.number(name).map(|status| status >= 0.0);
+        Ok(Self::Case { tested: holds("test_status")?, trained: holds("train_status")? })
+    }
+}
+
+/// The quantities that must be compared where there are files of these kinds.
+pub(super) fn announced(kinds: &[Kind]) -> Vec<Quantity> {
+    let all = OF_CASES.iter().chain(&OF_EPISODES);
+    all.filter(|quantity| kinds.iter().any(|kind| kind.has(quantity))).copied().collect()
+}
 
 /// The deviations of one case.
 pub(super) fn deviations(npz: &Npz, linear: LinearSolver) -> Result<Deviations, CaseError> {
@@ -210,10 +276,11 @@ fn test_configuration(
         return Ok(());
     };
     let history = npz.array("test_objective_history", &[None])?;
-    found.push((OBJECTIVE_HISTORY, worst_deviation(solver.history().iter().copied(), history, relative)));
+    found.push((OBJECTIVE_HISTORY, history_deviation(solver.history(), history)));
     found.push((
         ITERATIONS,
-        differences(&[(summary.iterations as f64, npz.number("test_iterations")?)]) + ended_otherwise(npz, &summary)?,
+        differences(&[(summary.iterations as f64, npz.number("test_iterations")?)])
+            + ended_otherwise(npz, &Ending::of(&summary))?,
     ));
     let best = npz.array("test_best_controls", &[Some(STEPS), Some(2)])?;
     let last = npz.array("test_final_controls", &[Some(STEPS), Some(2)])?;
@@ -229,30 +296,53 @@ fn test_configuration(
     Ok(())
 }
 
+/// The largest relative deviation of objectives. Of a case that has converged before others of its batch the authors' history goes on
+/// as it is; what was never reached is infinite. Both may be there beyond ours.
+pub(super) fn history_deviation(got: &[f64], wanted: &[f64]) -> f64 {
+    let Some((both, beyond)) = wanted.split_at_checked(got.len()) else { return f64::INFINITY };
+    let last = got.last().copied().unwrap_or(f64::NAN);
+    let compared = both.iter().zip(got).chain(beyond.iter().filter(|e| e.is_finite()).map(|e| (e, &last)));
+    // An objective that is no number is none for both.
+    let compared = compared.filter(|(wanted, got)| wanted.is_finite() || got.is_finite());
+    let (wanted, got): (Vec<f64>, Vec<f64>) = compared.unzip();
+    worst_deviation(got, &wanted, relative)
+}
+
+/// The authors' words on how a search ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Ending {
+    /// The iteration, from 0, that led to the best controls; 0 too where those are the initial ones.
+    pub best_iteration: f64,
+    /// Iterations until it converged, or until the factorization failed; -1 where neither was.
+    pub converged_after: f64,
+    /// One of the constants.
+    pub status: f64,
+}
+
+impl Ending {
+    pub const FAILED: f64 = -1.0;
+    pub const STARTED: f64 = 0.0;
+    pub const CONVERGED: f64 = 1.0;
+    pub const ITERATION_LIMIT: f64 = 2.0;
+
+    /// How they would tell ours.
+    pub fn of(summary: &Summary) -> Self {
+        let (status, converged_after) = match summary.status {
+            Status::Converged => (Self::CONVERGED, summary.iterations as f64),
+            Status::IterationLimit => (Self::ITERATION_LIMIT, -1.0),
+            Status::Diverged | Status::Singular { .. } => (Self::FAILED, summary.iterations as f64),
+        };
+        Self { best_iteration: summary.best_after.saturating_sub(1) as f64, converged_after, status }
+    }
+}
+
 /// How many of the authors' words on how the search ended are others than ours.
-pub(super) fn ended_otherwise(npz: &Npz, summary: &Summary) -> Result<f64, CaseError> {
+pub(super) fn ended_otherwise(npz: &Npz, ours: &Ending) -> Result<f64, CaseError> {
     Ok(differences(&[
-        (summary.best_after.saturating_sub(1) as f64, npz.number("test_best_iter")?),
-        (converged_after(summary), npz.number("test_converged_iter")?),
-        (theseus_status(summary.status), npz.number("test_status")?),
+        (ours.best_iteration, npz.number("test_best_iter")?),
+        (ours.converged_after, npz.number("test_converged_iter")?),
+        (ours.status, npz.number("test_status")?),
     ]))
-}
-
-/// Theseus' `converged_iter`: where the factorization fails, the iterations until then.
-fn converged_after(summary: &Summary) -> f64 {
-    match summary.status {
-        Status::Converged => summary.iterations as f64,
-        Status::IterationLimit => -1.0,
-        Status::Diverged | Status::Singular { .. } => summary.iterations as f64,
-    }
-}
-
-fn theseus_status(status: Status) -> f64 {
-    match status {
-        Status::Converged => 1.0,
-        Status::IterationLimit => 2.0,
-        Status::Diverged | Status::Singular { .. } => -1.0,
-    }
 }
 
 fn training_configuration(
@@ -341,4 +431,33 @@ pub(super) fn loss(layer: &Layer, target: &[f64], whole: bool) -> (f64, OutputGr
         gradient.squares = COST;
     }
     (loss, gradient)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_history_may_go_on_where_a_case_has_converged_and_not_otherwise() {
+        let ours = [4.0, 2.0, 1.0];
+        assert_eq!(history_deviation(&ours, &ours), 0.0);
+        assert_eq!(history_deviation(&ours, &[4.0, 2.0, 1.0, 1.0, f64::INFINITY]), 0.0);
+        assert_eq!(history_deviation(&ours, &[4.0, 2.0, 1.0, 0.5]), 1.0);
+        assert_eq!(history_deviation(&ours, &[4.0, 2.0]), f64::INFINITY);
+        assert_eq!(history_deviation(&ours, &[4.0, 2.0, f64::INFINITY]), f64::INFINITY);
+        assert_eq!(history_deviation(&[4.0, f64::NAN], &[4.0, f64::INFINITY]), 0.0);
+    }
+
+    #[test]
+    fn what_must_be_compared_depends_on_what_is_there() {
+        let whole = Kind::Case { tested: true, trained: true };
+        let unsolvable = Kind::Case { tested: false, trained: false };
+        assert_eq!(announced(&[whole]), OF_CASES);
+        assert_eq!(announced(&[unsolvable, whole]), OF_CASES);
+        let alone = announced(&[unsolvable]);
+        assert!(alone.contains(&ITERATIONS) && alone.contains(&TRAINING_STATUS));
+        assert!(!alone.contains(&NORMAL_EQUATIONS) && !alone.contains(&CONTROL_GRADIENTS));
+        assert_eq!(announced(&[Kind::Batch(3)]).len(), OF_BATCHES.len());
+        assert_eq!(announced(&[Kind::Episode]), OF_EPISODES);
+    }
 }
