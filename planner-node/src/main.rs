@@ -2,7 +2,7 @@
 
 mod cli;
 
-use std::io::{IsTerminal as _, Write};
+use std::io::{ErrorKind, IsTerminal as _, Write};
 use std::process::ExitCode;
 
 use anyhow::{Context, bail};
@@ -29,15 +29,14 @@ fn main() -> ExitCode {
 }
 
 fn run(cli: cli::Cli) -> anyhow::Result<ExitCode> {
-    let mut out = std::io::stdout().lock();
     match cli.command {
         Some(cli::Command::Verify { folder }) => {
             let report = verify(&folder)?;
-            writeln!(out, "{report}")?;
+            say(&format!("{report}\n"))?;
             return Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::from(1) });
         }
         Some(cli::Command::Explain { recording, step, weights }) => {
-            write!(out, "{}", explain(&recording, step, &weights)?)?;
+            say(&explain(&recording, step, &weights)?.to_string())?;
             return Ok(ExitCode::SUCCESS);
         }
         None => {}
@@ -49,4 +48,12 @@ fn run(cli: cli::Cli) -> anyhow::Result<ExitCode> {
         Stop::Interrupted => ExitCode::from(130),
         Stop::ParentGone | Stop::SimGone => ExitCode::SUCCESS,
     })
+}
+
+/// Whoever closes the pipe has read enough.
+fn say(text: &str) -> std::io::Result<()> {
+    match std::io::stdout().write_all(text.as_bytes()) {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        result => result,
+    }
 }
