@@ -58,6 +58,8 @@ pub struct Situation {
 #[derive(Clone, Debug, Default)]
 struct Expected {
     track: Option<TrackId>,
+    /// Whether the planner takes it to be there.
+    present: bool,
     length: f64,
     width: f64,
     positions: Vec<(f64, f64)>,
@@ -150,6 +152,8 @@ impl Situation {
         self.neighbors.resize_with(agents.len(), Default::default);
         for (agent, neighbor) in agents.iter().zip(&mut self.neighbors) {
             neighbor.track = Some(agent.track);
+            // To the authors what has no height is nobody, though it keeps its place among the nearest.
+            neighbor.present = rules == Rules::Strict || rules.stored(agent.state.height) != 0.0;
             neighbor.length = rules.stored(agent.state.length);
             neighbor.width = rules.stored(agent.state.width);
             let expected = trajectories.iter().find(|t| t.track == agent.track);
@@ -186,7 +190,7 @@ impl Situation {
     pub fn with_inputs<T>(&self, weights: [f64; TERMS], with: impl FnOnce(&Inputs<'_>) -> T) -> T {
         let mut neighbors = [None; NEIGHBORS];
         for (place, n) in neighbors.iter_mut().zip(&self.neighbors) {
-            *place = Some(Neighbor { length: n.length, width: n.width, positions: &n.positions });
+            *place = n.present.then_some(Neighbor { length: n.length, width: n.width, positions: &n.positions });
         }
         with(&Inputs {
             line_x: &self.line_x,

@@ -137,6 +137,17 @@ fn it_keeps_clear_of_a_standing_car() {
 }
 
 #[test]
+fn what_has_no_height_is_nobody_to_the_authors() {
+    let plan = |protocol: &str, height: f64| {
+        let mut road = Road::new(-2.5, 8.0, protocol).with_standing_car(25.0);
+        road.observation.agents[0].state.height = height;
+        road.end(&road.plan(Options::default()).unwrap()).0
+    };
+    assert!(plan("paper", 1.6) < 25.0 && plan("paper", 0.0) > 40.0);
+    assert_eq!(plan("strict", 1.6), plan("strict", 0.0));
+}
+
+#[test]
 fn it_stops_before_a_red_light() {
     for protocol in ["strict", "paper"] {
         let mut road = Road::new(0.7, 8.0, protocol);
