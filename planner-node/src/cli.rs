@@ -50,8 +50,9 @@ pub enum Command {
         /// The step, from 0
         #[arg(long)]
         step: u32,
-        /// Weights of the cost terms: hand-tuned, learned (they came with the prediction), or a TOML file
-        #[arg(long, value_name = "WEIGHTS", default_value = "hand-tuned")]
-        weights: Weights,
+        /// Weights of the cost terms: hand-tuned, learned (they came with the prediction), or a TOML file; without it those of the
+        /// first two that the plan was made with
+        #[arg(long, value_name = "WEIGHTS")]
+        weights: Option<Weights>,
     },
 }

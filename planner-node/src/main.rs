@@ -36,7 +36,7 @@ fn run(cli: cli::Cli) -> anyhow::Result<ExitCode> {
             return Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::from(1) });
         }
         Some(cli::Command::Explain { recording, step, weights }) => {
-            say(&explain(&recording, step, &weights)?.to_string())?;
+            say(&explain(&recording, step, weights.as_ref())?.to_string())?;
             return Ok(ExitCode::SUCCESS);
         }
         None => {}

@@ -6,6 +6,7 @@
 mod recording;
 #[cfg(test)]
 mod tests;
+mod weights;
 
 use std::fmt;
 use std::path::Path;
@@ -17,8 +18,9 @@ use world::scene::TrackId;
 
 pub use recording::{RecordedStep, RecordingError, read_step};
 
+use self::weights::Costs;
 use crate::Weights;
-use crate::gauss_newton::constants::{DT, KEY_STEPS, STEPS, STOP_MARGIN, TERMS, Term, lane_step};
+use crate::gauss_newton::constants::{DT, KEY_STEPS, STEPS, TERMS, Term, lane_step};
 use crate::gauss_newton::{Controls, Evaluation, LinearSolver, Problem, Settings, Solver, trajectory};
 use crate::gauss_newton_planner::{Rules, Situation};
 
@@ -41,6 +43,14 @@ pub enum ExplainError {
         /// Why.
         what: String,
     },
+    /// The plan was made with weights that are neither given nor recorded.
+    #[error("step {step}: {what}\nhint: give the weights of its run by --weights FILE")]
+    OtherWeights {
+        /// The step.
+        step: u32,
+        /// How that shows.
+        what: String,
+    },
 }
 
 /// What is to be said of a step.
@@ -54,11 +64,15 @@ pub struct Explanation {
     status: String,
     iterations: u32,
     weights: [f64; TERMS],
+    /// What must be known of the weights.
+    doubt: Option<String>,
     /// Half the sum of squares of each term, second by second, and whole.
     terms: Vec<(Term, [f64; SECONDS], f64)>,
     binding: Vec<Binding>,
-    /// Seconds into the plan at which the red light is passed, and by how much at the end (m).
+    /// Seconds into the plan at which the stop before the red light is passed, and by how much at the end (m).
     red: Option<(f64, f64)>,
+    /// How far before the light that stop is (m).
+    stop_margin: f64,
     /// First control and end of the plan as the search goes on from the recorded controls, then without each term.
     again: Outcome,
     without: Vec<(Term, Outcome)>,
@@ -86,16 +100,16 @@ struct Outcome {
     speed: f64,
 }
 
-/// Explains a step of a recording, under these weights.
+/// Explains a step of a recording, under these weights; without any, under those that it was made with.
 ///
 /// # Errors
 /// [`ExplainError`].
-pub fn explain(path: &Path, step: u32, weights: &Weights) -> Result<Explanation, ExplainError> {
+pub fn explain(path: &Path, step: u32, weights: Option<&Weights>) -> Result<Explanation, ExplainError> {
     let recorded = read_step(path, step)?;
-    let RecordedStep { briefing, observation, prediction, plan } = &recorded;
+    let RecordedStep { briefing, observation, prediction, plan, weights: named } = &recorded;
     let error = |what: String| ExplainError::Problem { step, what };
-    let controls = plan.controls().ok_or(ExplainError::NoControls(step))?;
-    let controls = Controls::from_pairs(controls.iter().map(|c| (c.acceleration, c.steering)));
+    let planned = plan.controls().ok_or(ExplainError::NoControls(step))?;
+    let controls = Controls::from_pairs(planned.iter().map(|c| (c.acceleration, c.steering)));
     let controls = controls.ok_or(ExplainError::NoControls(step))?;
     let predicted = prediction.is_some();
     let prediction = match prediction {
@@ -108,10 +122,23 @@ pub fn explain(path: &Path, step: u32, weights: &Weights) -> Result<Explanation,
     let history = History::new(briefing);
     let input = StepInput { briefing, observation, history: &history, prediction: Some(&prediction) };
     situation.fill(rules, &input, &prediction).map_err(error)?;
-    let weights = weights.of(&prediction).map_err(error)?;
-    let mut problem = situation.with_inputs(weights, Problem::new).map_err(|e| error(e.to_string()))?;
-
+    let mut problem = situation.with_inputs([1.0; TERMS], Problem::new).map_err(|e| error(e.to_string()))?;
     let mut at = Evaluation::default();
+    at.evaluate(&problem, &settings.costing, &controls);
+    let told = weights::told(plan.diagnostics());
+    let costs = Costs {
+        squares: at.terms,
+        // Who was expected where is known from the prediction alone.
+        told: Term::ALL.map(|term| told.filter(|_| predicted || term != Term::Safety).map(|told| told[term as usize])),
+        cut: rules == Rules::Strict && weights::cut(planned, observation.control.steering),
+    };
+    let (weights, doubt) = match weights {
+        Some(given) => costs.weights(Some(given), None, &prediction).map_err(error)?,
+        None => costs
+            .weights(None, named.as_deref(), &prediction)
+            .map_err(|what| ExplainError::OtherWeights { step, what })?,
+    };
+    problem.set_weights(weights).map_err(|e| error(e.to_string()))?;
     at.evaluate(&problem, &settings.costing, &controls);
     let binding = at.safety().iter().zip(&at.rows.safety).map(|(row, missing)| Binding {
         seconds: seconds(KEY_STEPS[row.key]),
@@ -140,9 +167,11 @@ pub fn explain(path: &Path, step: u32, weights: &Weights) -> Result<Explanation,
         status: plan.diagnostics().status.clone(),
         iterations: plan.diagnostics().iterations,
         weights,
+        doubt,
         terms: terms.to_vec(),
         binding,
         red,
+        stop_margin: situation.stop_margin(),
         again,
         without,
     })
@@ -198,6 +227,9 @@ impl fmt::Display for Explanation {
         if !self.predicted {
             writeln!(f, "nobody predicted: everybody is expected to keep their velocity")?;
         }
+        if let Some(doubt) = &self.doubt {
+            writeln!(f, "{doubt}")?;
+        }
         writeln!(f, "\nwhat the plan costs, second by second")?;
         writeln!(
             f,
@@ -226,7 +258,8 @@ impl fmt::Display for Explanation {
         if let Some((seconds, meters)) = self.red {
             writeln!(
                 f,
-                "at {seconds:.1} s it passes the stop {STOP_MARGIN} m before the red light, by {meters:.1} m at the end"
+                "at {seconds:.1} s it passes the stop {} m before the red light, by {meters:.1} m at the end",
+                self.stop_margin
             )?;
         }
         writeln!(f, "\nwhat the search comes to from this plan, and without each term")?;

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use mcap::read::Options as ReadOptions;
+use mcap::read::{LinearReader, Options as ReadOptions};
+use mcap::records::Record;
 use mcap::{McapError, MessageStream};
 use thiserror::Error;
 use wire::proto;
@@ -20,6 +21,8 @@ pub struct RecordedStep {
     pub prediction: Option<Prediction>,
     /// What was planned.
     pub plan: Plan,
+    /// What the planner's command gave as `--weights`, if the run says so.
+    pub weights: Option<String>,
 }
 
 /// Why a recording's step cannot be told.
@@ -151,7 +154,7 @@ pub fn read_step(path: &Path, step: u32) -> Result<RecordedStep, RecordingError>
     let path = path.to_owned();
     match (briefing, observation, plan, broken_by) {
         (Some(briefing), Some(observation), Some(plan), _) => {
-            Ok(RecordedStep { briefing, observation, prediction, plan })
+            Ok(RecordedStep { briefing, observation, prediction, plan, weights: weights_of_run(&bytes) })
         }
         (None, .., None | Some(McapError::UnexpectedEof)) => Err(RecordingError::NoScene { path }),
         (None, .., Some(why)) => Err(broken(why)),
@@ -162,6 +165,20 @@ pub fn read_step(path: &Path, step: u32) -> Result<RecordedStep, RecordingError>
             Err(RecordingError::Missing { path, topic, step, last })
         }
     }
+}
+
+/// What follows `--weights` in the planner's command, as the run's settings tell it; they come before all messages.
+fn weights_of_run(bytes: &[u8]) -> Option<String> {
+    let records = LinearReader::new_with_options(bytes, ReadOptions::IgnoreEndMagic.into()).ok()?;
+    let settings = records.map_while(Result::ok).take_while(|record| !matches!(record, Record::Chunk { .. }));
+    let settings = settings.filter_map(|record| match record {
+        Record::Metadata(mut metadata) if metadata.name == "reloop" => metadata.metadata.remove("run.toml"),
+        _ => None,
+    });
+    let run: toml::Table = settings.last()?.parse().ok()?;
+    let command = run.get("settings")?.get("planner")?.get("command")?.as_str()?;
+    let (_, after) = command.split_once("--weights")?;
+    Some(after.trim_start_matches('=').split_whitespace().next()?.to_owned())
 }
 
 /// A message's bytes as what they mean.

@@ -8,17 +8,29 @@ use world::observation::Observation;
 use world::plan::{Control, UncheckedPlan};
 
 use super::*;
+use crate::gauss_newton::constants::HAND_TUNED;
 use crate::gauss_newton_planner::Options;
 use crate::gauss_newton_planner::tests::Road;
 
 /// The bytes of a recording with the scene, and observation, prediction and plan of the steps 0 and 1.
 fn recording(road: &Road, predicted: bool, plan: &UncheckedPlan) -> Vec<u8> {
-    recording_with(WriteOptions::new().use_chunks(false), road, predicted, plan)
+    recording_with(WriteOptions::new().use_chunks(false), road, predicted, plan, None)
 }
 
-fn recording_with(options: WriteOptions, road: &Road, predicted: bool, plan: &UncheckedPlan) -> Vec<u8> {
+/// The same, so written, and with the run's settings if any.
+fn recording_with(
+    options: WriteOptions,
+    road: &Road,
+    predicted: bool,
+    plan: &UncheckedPlan,
+    run: Option<&str>,
+) -> Vec<u8> {
     let mut bytes = std::io::Cursor::new(Vec::new());
     let mut writer = Writer::with_options(&mut bytes, options).unwrap();
+    if let Some(run) = run {
+        let metadata = BTreeMap::from([("run.toml".to_owned(), run.to_owned())]);
+        writer.write_metadata(&mcap::records::Metadata { name: "reloop".to_owned(), metadata }).unwrap();
+    }
     let mut write = |topic: &str, data: Vec<u8>| {
         let channel = writer.add_channel(0, topic, "protobuf", &BTreeMap::new()).unwrap();
         let header = mcap::records::MessageHeader { channel_id: channel, sequence: 0, log_time: 0, publish_time: 0 };
@@ -45,11 +57,15 @@ fn encoded<M: prost::Message>(message: M) -> Vec<u8> {
 }
 
 fn explained(bytes: &[u8], step: u32) -> Result<Explanation, String> {
+    explained_by(bytes, step, None)
+}
+
+fn explained_by(bytes: &[u8], step: u32, weights: Option<&Weights>) -> Result<Explanation, String> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("road.mcap");
     std::fs::write(&path, bytes).unwrap();
     let text = |e: ExplainError| e.to_string().replace(path.to_str().unwrap(), "road.mcap");
-    explain(&path, step, &Weights::HandTuned).map_err(text)
+    explain(&path, step, weights).map_err(text)
 }
 
 fn planned(road: &Road) -> UncheckedPlan {
@@ -71,6 +87,82 @@ fn a_plan_is_costed_by_the_rules_of_its_protocol() {
         assert!(text.starts_with(&format!("scene road under {protocol}, step 1: ")), "{text}");
         assert!(text.contains(" s track 7 is "), "{text}");
         assert!(!text.contains("nobody predicted"), "{text}");
+    }
+}
+
+#[test]
+fn a_plan_of_other_weights_is_not_explained_by_the_hand_tuned_ones() {
+    let mut weights = HAND_TUNED;
+    weights[Term::Speed as usize] = 0.3;
+    let given = Weights::Given(weights);
+    for protocol in ["paper", "strict"] {
+        let road = Road::new(0.4, 8.0, protocol);
+        let plan = road.plan(Options { weights: given.clone(), ..Options::default() }).unwrap();
+        let bytes = recording(&road, true, &plan);
+        let error = explained(&bytes, 0).unwrap_err();
+        assert_eq!(
+            error,
+            "step 0: the plan was not made with the hand-tuned weights: speed 0.3000, not 0.1000\nhint: give the weights of its run by --weights FILE"
+        );
+        let explanation = explained_by(&bytes, 0, Some(&given)).unwrap();
+        assert_eq!((explanation.weights, explanation.doubt), (weights, None));
+        let text = explained_by(&bytes, 0, Some(&Weights::HandTuned)).unwrap().to_string();
+        let doubt = "\nthe plan was not made with the given weights: speed 0.3000, not 0.1000\n";
+        assert!(text.contains(doubt), "{text}");
+    }
+}
+
+#[test]
+fn the_weights_that_the_run_names_are_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("weights.toml");
+    let mut weights = HAND_TUNED;
+    weights[Term::Safety as usize] = 4.0;
+    let text = Term::ALL.map(|term| format!("{} = {:?}\n", term.name(), weights[term as usize])).concat();
+    std::fs::write(&file, text).unwrap();
+    let road = Road::new(0.4, 8.0, "strict");
+    let plan = road.plan(Options { weights: Weights::Given(weights), ..Options::default() }).unwrap();
+    let command = format!("planner-node --planner gauss-newton --weights {} --init idm", file.display());
+    let run = format!("[settings.planner]\ncommand = {command:?}\n");
+    let bytes = recording_with(WriteOptions::new().use_chunks(false), &road, true, &plan, Some(&run));
+    // Nobody is near: what the plan told shows nothing of this weight.
+    assert_eq!(explained(&bytes, 0).unwrap().weights, weights);
+    std::fs::remove_file(&file).unwrap();
+    let error = explained(&bytes, 0).unwrap_err();
+    let file = file.display();
+    assert!(error.starts_with(&format!("step 0: its run has --weights {file}: cannot read the weights in")), "{error}");
+    assert!(error.ends_with("\nhint: give the weights of its run by --weights FILE"), "{error}");
+}
+
+#[test]
+fn the_weights_that_came_with_the_prediction_are_found() {
+    let mut road = Road::new(0.4, 8.0, "strict");
+    let mut weights = HAND_TUNED;
+    weights[Term::Jerk as usize] = 0.05;
+    road.prediction.cost_weights = weights.to_vec();
+    for (whose, wanted) in [(Weights::Learned, weights), (Weights::HandTuned, HAND_TUNED)] {
+        let plan = road.plan(Options { weights: whose, ..Options::default() }).unwrap();
+        assert_eq!(explained(&recording(&road, true, &plan), 0).unwrap().weights, wanted);
+    }
+}
+
+#[test]
+fn a_plan_that_was_cut_after_it_was_costed_is_explained_with_a_word_of_warning() {
+    let road = Road::new(0.4, 8.0, "strict");
+    let mut plan = planned(&road);
+    plan.controls[3].acceleration = 5.0;
+    let text = explained(&recording(&road, true, &plan), 0).unwrap().to_string();
+    assert!(text.contains("\nits controls were cut to what the vehicle can follow"), "{text}");
+}
+
+#[test]
+fn the_stop_before_a_red_light_is_where_the_rules_have_it() {
+    for (protocol, margin) in [("paper", "3"), ("strict", "6.5")] {
+        let mut road = Road::new(0.4, 8.0, protocol);
+        road.observation.av.length = 12.0;
+        road.observation.window.red_stops = vec![280];
+        let text = explained(&recording(&road, true, &planned(&road)), 0).unwrap().to_string();
+        assert!(text.contains(&format!(" s it passes the stop {margin} m before the red light, by ")), "{text}");
     }
 }
 
@@ -108,7 +200,7 @@ fn a_recording_that_is_cut_off_is_explained_as_far_as_it_goes() {
 fn a_damaged_recording_is_not_called_cut_off() {
     let road = Road::new(0.4, 8.0, "strict");
     let chunks = WriteOptions::new().chunk_size(Some(1)).compression(None);
-    let mut bytes = recording_with(chunks, &road, true, &planned(&road));
+    let mut bytes = recording_with(chunks, &road, true, &planned(&road), None);
     let observation = encoded::<proto::Observation>((&Observation { step: 1, ..road.observation.clone() }).into());
     let place = bytes.windows(observation.len()).rposition(|window| window == observation).unwrap();
     bytes[place + observation.len() / 2] ^= 1;

@@ -49,6 +49,7 @@ pub struct Situation {
     line_heading: Vec<f64>,
     speed_target: f64,
     stop_distance: Option<f64>,
+    stop_margin: f64,
     av: Vehicle,
     present: Option<Control>,
     neighbors: Vec<Expected>,
@@ -123,6 +124,7 @@ impl Situation {
         let read = InfoColumn::read(&window.authors_info(), SAMPLES_BEHIND);
         self.speed_target = read.speed_target;
         self.stop_distance = read.stop_distance;
+        self.stop_margin = STOP_MARGIN;
     }
 
     fn fill_road(&mut self, observation: &Observation) -> Result<(), String> {
@@ -134,8 +136,8 @@ impl Situation {
         let ahead = observation.window.red_stops.iter().map(|red| corridor.station(*red as usize));
         let stop = ahead.filter(|station| *station > front - PASSED).fold(f64::INFINITY, f64::min);
         // The authors' margin is from the AV's center: half of a long vehicle is more.
-        let margin = STOP_MARGIN.max(observation.av.length / 2.0 + 0.5);
-        self.stop_distance = stop.is_finite().then(|| stop - corridor.station(own) - margin);
+        self.stop_margin = STOP_MARGIN.max(observation.av.length / 2.0 + 0.5);
+        self.stop_distance = stop.is_finite().then(|| stop - corridor.station(own) - self.stop_margin);
         Ok(())
     }
 
@@ -178,6 +180,12 @@ impl Situation {
     #[must_use]
     pub fn speed(&self) -> f64 {
         self.av.state.speed
+    }
+
+    /// How far before a red light the AV's center is to stop (m).
+    #[must_use]
+    pub fn stop_margin(&self) -> f64 {
+        self.stop_margin
     }
 
     /// Which track a neighbor of the problem is.
