@@ -32,7 +32,10 @@ pub const STOP_MARGIN: f64 = 3.0;
 /// The weights that the authors tuned by hand, in the order of [`Term::ALL`].
 pub const HAND_TUNED: [f64; TERMS] = [0.1, 0.5, 0.1, 0.01, 0.5, 0.5, 5.0, 10.0, 10.0];
 
-/// A pivot of the normal matrix below this share of its diagonal entry is rounding: the matrix is singular.
+/// A pivot of the normal matrix below this share of its scale is rounding: the matrix is singular.
+///
+/// The scale is the matrix' diagonal entry where it is written out (`dense`). The sweep never sees that entry whole, and takes what the
+/// control's own rows add to it: with squared weights, acceleration + 2 jerk, and steering + 2 steering change.
 pub const SINGULAR: f64 = 1e-14;
 
 /// The cost terms, in the order of their weights.
