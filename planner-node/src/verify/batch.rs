@@ -1,11 +1,12 @@
-//! Cases that the authors solved as one batch. Each must come out as it does alone, but that they stop `together`, and for a quirk: what
-//! lacks to a safe distance they reckon with the length of another neighbor, the one that is nearest in the *first* case of
-//! the batch (their Jacobian does not). Here the quirk is computed beside our own residual and must explain theirs to the
-//! last digits; a case that it makes another is not followed further.
+//! Cases that the authors solved as one batch. Each must come out as it does alone, but that they stop `together`, and for a
+//! quirk: what lacks to a safe distance they reckon with the length of another neighbor, the one that is nearest in the *first*
+//! case of the batch (their Jacobian does not). Here the quirk is computed beside our own residual and must explain theirs to
+//! the last digits; a case that it makes another, at any of its iterates, is not followed.
 
 use vectors::{Npz, absolute, worst_deviation};
 
 use super::case::{CaseError, controls, problem};
+use super::ending::{ended_otherwise, history_deviation};
 use super::{quantities as q, together};
 use crate::gauss_newton::constants::{KEY_STEPS, LATERAL_MARGIN, NEIGHBORS, SAFE_GAP, STEPS, Term};
 use crate::gauss_newton::dense::{UNKNOWNS, jacobian};
@@ -42,8 +43,8 @@ pub(super) fn deviations(npz: &Npz, size: usize, linear: LinearSolver) -> Result
 }
 
 impl Case {
-    /// The rows at these controls as the authors have them, and whether their quirk makes them others than ours. `first` is the first
-    /// case's [`Nearest`]; it is set where it is not yet.
+    /// The rows at these controls as the authors have them, and whether their quirk makes them others than ours. `first` is
+    /// the first case's [`Nearest`]; it is set where it is not yet.
     fn quirk(
         &self,
         at: &mut Evaluation,
@@ -137,8 +138,8 @@ fn searched(cases: &[Case], linear: LinearSolver, found: &mut q::Deviations) -> 
     let alone = left_alone(cases, &all.iter().map(|one| &one.iterates[..]).collect::<Vec<_>>())?;
     for ((Case { arrays, .. }, one), _) in cases.iter().zip(&all).zip(alone).filter(|(_, alone)| *alone) {
         let history = arrays.array("test_objective_history", &[None])?;
-        found.push((q::OBJECTIVE_HISTORY, q::history_deviation(&one.history, history)));
-        found.push((q::ITERATIONS, q::ended_otherwise(arrays, &one.ending)?));
+        found.push((q::OBJECTIVE_HISTORY, history_deviation(&one.history, history)));
+        found.push((q::ITERATIONS, ended_otherwise(arrays, &one.ending)?));
         let best = arrays.array("test_best_controls", &[Some(STEPS), Some(2)])?;
         found.push((q::BEST_CONTROLS, worst_deviation(one.iterates[one.best].interleaved(), best, absolute)));
     }

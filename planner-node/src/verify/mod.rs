@@ -7,6 +7,7 @@
 mod batch;
 mod case;
 mod closed_loop;
+mod ending;
 mod quantities;
 mod together;
 

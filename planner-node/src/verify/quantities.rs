@@ -4,11 +4,12 @@ use vectors::{Npz, Quantity, absolute, relative, worst_deviation};
 use world::vehicle::{BicycleModel, VehicleState};
 
 use super::case::{CaseError, controls, from_interleaved, problem};
+use super::ending::{Ending, ended_otherwise, history_deviation};
 use crate::gauss_newton::constants::{KEY_STEPS, NEIGHBORS, STEPS, TERMS, Term};
 use crate::gauss_newton::dense::{UNKNOWNS, jacobian};
 use crate::gauss_newton::{
     Controls, Evaluation, Gradients, Layer, LayerSettings, LinearSolver, OutputGradient, Problem, Settings, Solver,
-    StateChange, Status, Summary, trajectory,
+    StateChange, trajectory,
 };
 
 /// A deviation of each quantity that a case has.
@@ -147,7 +148,7 @@ fn gradient_scale(wanted: f64) -> f64 {
     wanted.abs() + 1e-3
 }
 
-fn differences(pairs: &[(f64, f64)]) -> f64 {
+pub(super) fn differences(pairs: &[(f64, f64)]) -> f64 {
     pairs.iter().filter(|(a, b)| a != b).count() as f64
 }
 
@@ -296,55 +297,6 @@ fn test_configuration(
     Ok(())
 }
 
-/// The largest relative deviation of objectives. Of a case that has converged before others of its batch the authors' history goes on
-/// as it is; what was never reached is infinite. Both may be there beyond ours.
-pub(super) fn history_deviation(got: &[f64], wanted: &[f64]) -> f64 {
-    let Some((both, beyond)) = wanted.split_at_checked(got.len()) else { return f64::INFINITY };
-    let last = got.last().copied().unwrap_or(f64::NAN);
-    let compared = both.iter().zip(got).chain(beyond.iter().filter(|e| e.is_finite()).map(|e| (e, &last)));
-    // An objective that is no number is none for both.
-    let compared = compared.filter(|(wanted, got)| wanted.is_finite() || got.is_finite());
-    let (wanted, got): (Vec<f64>, Vec<f64>) = compared.unzip();
-    worst_deviation(got, &wanted, relative)
-}
-
-/// The authors' words on how a search ended.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Ending {
-    /// The iteration, from 0, that led to the best controls; 0 too where those are the initial ones.
-    pub best_iteration: f64,
-    /// Iterations until it converged, or until the factorization failed; -1 where neither was.
-    pub converged_after: f64,
-    /// One of the constants.
-    pub status: f64,
-}
-
-impl Ending {
-    pub const FAILED: f64 = -1.0;
-    pub const STARTED: f64 = 0.0;
-    pub const CONVERGED: f64 = 1.0;
-    pub const ITERATION_LIMIT: f64 = 2.0;
-
-    /// How they would tell ours.
-    pub fn of(summary: &Summary) -> Self {
-        let (status, converged_after) = match summary.status {
-            Status::Converged => (Self::CONVERGED, summary.iterations as f64),
-            Status::IterationLimit => (Self::ITERATION_LIMIT, -1.0),
-            Status::Diverged | Status::Singular { .. } => (Self::FAILED, summary.iterations as f64),
-        };
-        Self { best_iteration: summary.best_after.saturating_sub(1) as f64, converged_after, status }
-    }
-}
-
-/// How many of the authors' words on how the search ended are others than ours.
-pub(super) fn ended_otherwise(npz: &Npz, ours: &Ending) -> Result<f64, CaseError> {
-    Ok(differences(&[
-        (ours.best_iteration, npz.number("test_best_iter")?),
-        (ours.converged_after, npz.number("test_converged_iter")?),
-        (ours.status, npz.number("test_status")?),
-    ]))
-}
-
 fn training_configuration(
     npz: &Npz,
     problem: &Problem,
@@ -436,17 +388,6 @@ pub(super) fn loss(layer: &Layer, target: &[f64], whole: bool) -> (f64, OutputGr
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_history_may_go_on_where_a_case_has_converged_and_not_otherwise() {
-        let ours = [4.0, 2.0, 1.0];
-        assert_eq!(history_deviation(&ours, &ours), 0.0);
-        assert_eq!(history_deviation(&ours, &[4.0, 2.0, 1.0, 1.0, f64::INFINITY]), 0.0);
-        assert_eq!(history_deviation(&ours, &[4.0, 2.0, 1.0, 0.5]), 1.0);
-        assert_eq!(history_deviation(&ours, &[4.0, 2.0]), f64::INFINITY);
-        assert_eq!(history_deviation(&ours, &[4.0, 2.0, f64::INFINITY]), f64::INFINITY);
-        assert_eq!(history_deviation(&[4.0, f64::NAN], &[4.0, f64::INFINITY]), 0.0);
-    }
 
     #[test]
     fn what_must_be_compared_depends_on_what_is_there() {

@@ -1,10 +1,10 @@
 //! The authors' search of several cases as one batch.
 //!
-//! Each case takes the steps that it takes alone, but they stop together: when every case has converged, or when the *mean* of their
-//! objectives is below the absolute tolerance. A case that has converged stays where it is while others go on, and a matrix that
-//! cannot be factorized ends the search of all.
+//! Each case takes the steps that it takes alone, but they stop together: when every case has converged, or when the *mean* of
+//! their objectives is below the absolute tolerance. A case that has converged stays where it is while others go on, and a
+//! matrix that cannot be factorized ends the search of all.
 
-use super::quantities::Ending;
+use super::ending::Ending;
 use crate::gauss_newton::{Controls, Evaluation, LinearSolver, Problem, Settings, Solver};
 
 /// What the search of a case came to.
