@@ -173,7 +173,10 @@ fn a_lying_planner_is_passed_on_to_be_judged() {
         plan.states[3].x = f64::NAN;
         Ok(plan)
     };
-    assert_eq!(step_with(not_a_number).unwrap().check(0).unwrap_err().to_string(), "state 3 is not finite, or beyond 1e7");
+    assert_eq!(
+        step_with(not_a_number).unwrap().check(0).unwrap_err().to_string(),
+        "state 3 is not finite, or beyond 1e7"
+    );
     let other_step = |step: &StepInput<'_>| Ok(UncheckedPlan { step: 7, ..whole(step)? });
     assert_eq!(
         step_with(other_step).unwrap().check(0).unwrap_err().to_string(),
