@@ -6,7 +6,7 @@ use clap::{Parser, Subcommand};
 
 use recorder::recording::Format;
 
-/// Writes the episodes of a run down, and shows what recordings hold.
+/// Writes episodes down as MCAP and Rerun files, and shows what recordings hold.
 #[derive(Parser)]
 #[command(name = "recorder", version, about, max_term_width = 100)]
 pub struct Cli {
