@@ -15,10 +15,12 @@
 //! | [`recording`], [`partial_file`] | an episode on its way into its files |
 //! | [`desk`], [`record`] | the process on the bus |
 //! | [`export`], [`info`] | from a file: the drawing, what it holds |
+//! | [`fuzzing`] | what any input must keep |
 //! | [`layers`], [`strokes`], [`origin`], [`palette`] | what both kinds of file draw alike |
 
 pub mod desk;
 pub mod export;
+pub mod fuzzing;
 pub mod info;
 pub mod layers;
 pub mod mcap;
