@@ -61,6 +61,9 @@ fn refuse(mcap: &Path, rrd: &Path, force: bool) -> Result<(), Refused> {
     if is_source(rrd) || is_source(&partial_name(rrd)) {
         return Err(Refused::Itself(rrd.to_owned()));
     }
-    // A device or a pipe takes what comes.
-    if rrd.is_file() && !force { Err(Refused::Exists(rrd.to_owned())) } else { Ok(()) }
+    // A device or a pipe takes what comes. What is unfinished may still be written by a live recorder.
+    match [rrd.to_owned(), partial_name(rrd)].into_iter().find(|path| path.is_file()) {
+        Some(there) if !force => Err(Refused::Exists(there)),
+        _ => Ok(()),
+    }
 }

@@ -69,12 +69,14 @@ fn export_replaces_nothing_unasked_and_never_its_own_recording() {
     std::fs::write(file("a.mcap"), &recording).unwrap();
     std::fs::write(file("b.mcap.partial"), &recording).unwrap();
     std::fs::write(file("a.rrd"), "mine").unwrap();
+    std::fs::write(file("b.rrd.partial"), "the live recorder's").unwrap();
     std::os::unix::fs::symlink("a.mcap", file("link.rrd")).unwrap();
     let shown = [
         recorder(folder.path(), &["export", "a.mcap", "--rrd", "a.mcap", "--force"]),
         recorder(folder.path(), &["export", "a.mcap", "--rrd", "link.rrd", "--force"]),
         recorder(folder.path(), &["export", "b.mcap.partial", "--rrd", "b.mcap"]),
         recorder(folder.path(), &["export", "a.mcap"]),
+        recorder(folder.path(), &["export", "b.mcap.partial"]),
     ];
     insta::assert_snapshot!(shown.join("\n\n"));
     assert!(std::fs::read(file("a.mcap")).unwrap() == recording);
