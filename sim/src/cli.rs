@@ -1,4 +1,4 @@
-//! What can be typed. What it means is decided in [`crate::settings`].
+//! What can be typed. What it means is decided in [`crate::request`].
 
 use std::path::PathBuf;
 use std::time::Duration;

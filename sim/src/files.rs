@@ -4,6 +4,7 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 /// Something could not be done with a file.
@@ -60,4 +61,36 @@ fn partial_name(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".partial");
     PathBuf::from(name)
+}
+
+/// SHA-256 of these files, one after the other, in hexadecimal digits.
+///
+/// # Errors
+/// [`FileError`] where one cannot be read.
+pub fn sha256<'p>(paths: impl IntoIterator<Item = &'p Path>) -> Result<String, FileError> {
+    let mut hash = Sha256::new();
+    for path in paths {
+        let mut file = File::open(path).map_err(at("open", path))?;
+        io::copy(&mut file, &mut HashWriter(&mut hash)).map_err(at("read", path))?;
+    }
+    Ok(hexadecimal(&hash.finalize()))
+}
+
+/// As lower-case digits, two a byte.
+#[must_use]
+pub fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+struct HashWriter<'a>(&'a mut Sha256);
+
+impl Write for HashWriter<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.update(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
 }

@@ -15,7 +15,8 @@
 //! | [`tracker`] | from a plan's states to the control that is driven |
 //! | [`judges`] | what is wrong at a step: collision, route, road, signals, direction, speed |
 //! | [`metrics`] | what a drive was worth, by name and unit |
-//! | [`cli`], [`settings`], [`drivers`] | what can be typed, what is meant, who can drive |
+//! | [`cli`], [`request`], [`drivers`] | what can be typed, what it means, who can drive |
+//! | [`settings`] | what decides a run's results, as `run.toml` holds it |
 //! | [`run`] | many episodes: workers, nodes, the run's folder |
 //! | [`results`] | what a run leaves |
 //! | [`summary`], [`table`] | runs in a line each |
@@ -28,6 +29,7 @@ pub mod files;
 pub mod judges;
 pub mod metrics;
 pub mod protocol;
+pub mod request;
 pub mod results;
 pub mod run;
 pub mod settings;

@@ -10,11 +10,11 @@ use std::thread;
 
 use clap::Parser;
 use sim::cli::{Cli, Command, RunArgs, TableArgs, TableFormat, VerifyArgs};
+use sim::request::Request;
 use sim::run::clock::{Clock, WallClock};
 use sim::run::console::Console;
 use sim::run::interrupt::{INTERRUPTED, Interrupts};
 use sim::run::{self, RunError};
-use sim::settings::Request;
 use sim::summary::{Summary, SummaryError};
 use sim::verify::verify;
 use sim::{results, table};

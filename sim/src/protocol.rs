@@ -154,6 +154,30 @@ impl Default for StrictSettings {
 }
 
 impl StrictSettings {
+    /// These settings with changes `KEY=VALUE`; a value is TOML, a word needs no quotes. The motion is not changed so: what moves how
+    /// depends on who drives.
+    ///
+    /// # Errors
+    /// [`SettingError::Change`].
+    pub fn with_changes(mut self, changes: &[String]) -> Result<Self, SettingError> {
+        for change in changes {
+            let wrong =
+                |reason: &str| SettingError::Change { change: change.clone(), reason: reason.trim().to_owned() };
+            let (key, value) = change.split_once('=').ok_or_else(|| wrong("it is not KEY=VALUE"))?;
+            let value = value.trim();
+            let parsed: Result<toml::Table, _> = toml::from_str(&format!("{key} = {value}"));
+            let parsed = parsed.or_else(|_| toml::from_str(&format!("{key} = {value:?}")));
+            let parsed = parsed.map_err(|error| wrong(error.message()))?;
+            if parsed.contains_key("motion") {
+                return Err(wrong("the motion has an option of its own: --motion"));
+            }
+            let mut table = toml::Table::try_from(&self).map_err(|error| wrong(&error.to_string()))?;
+            table.extend(parsed);
+            self = table.try_into().map_err(|error: toml::de::Error| wrong(error.message()))?;
+        }
+        Ok(self)
+    }
+
     /// What is not as usual, as `key = value`, but for the motion, which tables name themselves.
     #[must_use]
     pub fn changes(&self) -> Vec<String> {
@@ -187,16 +211,17 @@ impl StrictSettings {
 
 /// A setting that makes no sense.
 #[derive(Clone, Debug, PartialEq, Error)]
-#[error("{setting} is {value}, but it must be {needed}")]
-pub struct SettingError {
-    setting: &'static str,
-    value: f64,
-    needed: &'static str,
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum SettingError {
+    #[error("{setting} is {value}, but it must be {needed}")]
+    Value { setting: &'static str, value: f64, needed: &'static str },
+    #[error("--set {change}: {reason}\nhint: docs/running.md lists what can be set")]
+    Change { change: String, reason: String },
 }
 
 fn positive(setting: &'static str, value: f64) -> Result<f64, SettingError> {
     let needed = "finite and above 0";
-    if value.is_finite() && value > 0.0 { Ok(value) } else { Err(SettingError { setting, value, needed }) }
+    if value.is_finite() && value > 0.0 { Ok(value) } else { Err(SettingError::Value { setting, value, needed }) }
 }
 
 impl StrictSettings {
@@ -209,7 +234,7 @@ impl StrictSettings {
         positive("max-steering", self.max_steering)?;
         if self.max_steering >= 1.5 {
             let needed = "below 1.5 rad: its tangent must stay finite";
-            return Err(SettingError { setting: "max-steering", value: self.max_steering, needed });
+            return Err(SettingError::Value { setting: "max-steering", value: self.max_steering, needed });
         }
         Ok(())
     }

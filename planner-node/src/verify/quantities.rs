@@ -40,42 +40,38 @@ pub(super) const LOOP_CONTROLS: Quantity = Quantity::within("closed loop, first 
 pub(super) const LOOP_POSES: Quantity = Quantity::within("closed loop, first pose", 1e-5, "abs");
 pub(super) const LOOP_OBJECTIVES: Quantity = Quantity::within("closed loop, objective", 1e-4, "rel");
 
+/// What a case must have for a quantity of it to be compared.
+#[derive(Clone, Copy)]
+enum Needs {
+    Nothing,
+    /// A step that the authors' test took.
+    TestStep,
+    /// A step that their training took.
+    TrainingStep,
+}
+
 /// The quantities of cases, with the tolerances of the vectors' README.
-const OF_CASES: [Quantity; 20] = [
-    INITIAL_TRAJECTORY,
-    NEAREST_SAMPLES,
-    FRENET,
-    RESIDUALS,
-    JACOBIAN,
-    NORMAL_EQUATIONS,
-    TEACHER_FORCED_STEPS,
-    OBJECTIVE_HISTORY,
-    ITERATIONS,
-    BEST_CONTROLS,
-    BEST_TRAJECTORY,
-    DRIVEN_TRAJECTORY,
-    TRAINING_STATUS,
-    TRAINING_CONTROLS,
-    TRAINING_TRAJECTORY,
-    TRAINING_OBJECTIVE,
-    LOSSES,
-    CONTROL_GRADIENTS,
-    PREDICTION_GRADIENTS,
-    WEIGHT_GRADIENTS,
-];
-
-/// Those of a case that the authors' test could not take a step from do without these.
-const OF_STEPS: [Quantity; 2] = [NORMAL_EQUATIONS, TEACHER_FORCED_STEPS];
-
-/// Those of a case that the authors' training could not take a step from do without these.
-const OF_TRAINING: [Quantity; 7] = [
-    TRAINING_CONTROLS,
-    TRAINING_TRAJECTORY,
-    TRAINING_OBJECTIVE,
-    LOSSES,
-    CONTROL_GRADIENTS,
-    PREDICTION_GRADIENTS,
-    WEIGHT_GRADIENTS,
+const OF_CASES: [(Quantity, Needs); 20] = [
+    (INITIAL_TRAJECTORY, Needs::Nothing),
+    (NEAREST_SAMPLES, Needs::Nothing),
+    (FRENET, Needs::Nothing),
+    (RESIDUALS, Needs::Nothing),
+    (JACOBIAN, Needs::Nothing),
+    (NORMAL_EQUATIONS, Needs::TestStep),
+    (TEACHER_FORCED_STEPS, Needs::TestStep),
+    (OBJECTIVE_HISTORY, Needs::Nothing),
+    (ITERATIONS, Needs::Nothing),
+    (BEST_CONTROLS, Needs::Nothing),
+    (BEST_TRAJECTORY, Needs::Nothing),
+    (DRIVEN_TRAJECTORY, Needs::Nothing),
+    (TRAINING_STATUS, Needs::Nothing),
+    (TRAINING_CONTROLS, Needs::TrainingStep),
+    (TRAINING_TRAJECTORY, Needs::TrainingStep),
+    (TRAINING_OBJECTIVE, Needs::TrainingStep),
+    (LOSSES, Needs::TrainingStep),
+    (CONTROL_GRADIENTS, Needs::TrainingStep),
+    (PREDICTION_GRADIENTS, Needs::TrainingStep),
+    (WEIGHT_GRADIENTS, Needs::TrainingStep),
 ];
 
 /// The quantities of a batch. Its first case at least is compared throughout.
@@ -112,11 +108,14 @@ impl Kind {
         match self {
             Self::Episode => OF_EPISODES.contains(quantity),
             Self::Batch(_) => OF_BATCHES.contains(quantity),
-            Self::Case { tested, trained } => {
-                OF_CASES.contains(quantity)
-                    && (tested || !OF_STEPS.contains(quantity))
-                    && (trained || !OF_TRAINING.contains(quantity))
-            }
+            Self::Case { tested, trained } => OF_CASES.iter().any(|(own, needs)| {
+                let is_there = match needs {
+                    Needs::Nothing => true,
+                    Needs::TestStep => tested,
+                    Needs::TrainingStep => trained,
+                };
+                own == quantity && is_there
+            }),
         }
     }
 
@@ -129,7 +128,7 @@ impl Kind {
 
 /// The quantities that must be compared where there are files of these kinds.
 pub(super) fn announced(kinds: &[Kind]) -> Vec<Quantity> {
-    let all = OF_CASES.iter().chain(&OF_EPISODES);
+    let all = OF_CASES.iter().map(|(quantity, _)| quantity).chain(&OF_EPISODES);
     all.filter(|quantity| kinds.iter().any(|kind| kind.has(quantity))).copied().collect()
 }
 
@@ -393,8 +392,9 @@ mod tests {
     fn what_must_be_compared_depends_on_what_is_there() {
         let whole = Kind::Case { tested: true, trained: true };
         let unsolvable = Kind::Case { tested: false, trained: false };
-        assert_eq!(announced(&[whole]), OF_CASES);
-        assert_eq!(announced(&[unsolvable, whole]), OF_CASES);
+        let all = OF_CASES.map(|(quantity, _)| quantity);
+        assert_eq!(announced(&[whole]), all);
+        assert_eq!(announced(&[unsolvable, whole]), all);
         let alone = announced(&[unsolvable]);
         assert!(alone.contains(&ITERATIONS) && alone.contains(&TRAINING_STATUS));
         assert!(!alone.contains(&NORMAL_EQUATIONS) && !alone.contains(&CONTROL_GRADIENTS));

@@ -10,14 +10,13 @@ use std::path::Path;
 
 use arrow_array::RecordBatch;
 use arrow_schema::ArrowError;
-use sha2::{Digest, Sha256};
 
 use crate::files::{self, FileError};
 use crate::run::folder::Folder;
 use crate::settings::{RunFile, SceneLine};
 use columns::Common;
 use parquet::ParquetError;
-use part::{Part, hexadecimal};
+use part::Part;
 
 pub mod columns;
 pub mod parquet;
@@ -54,33 +53,15 @@ pub fn merge(folder: &Folder, file: &RunFile) -> Result<(), ParquetError> {
 /// # Errors
 /// [`FileError`] where they cannot be read.
 pub fn digest(folder: &Path) -> Result<String, FileError> {
-    let mut hash = Sha256::new();
-    for name in ["results.parquet", "steps.parquet"] {
-        let path = folder.join(name);
-        let mut file = std::fs::File::open(&path).map_err(files::at("open", &path))?;
-        std::io::copy(&mut file, &mut HashWriter(&mut hash)).map_err(files::at("read", &path))?;
-    }
-    Ok(hexadecimal(&hash.finalize()))
-}
-
-struct HashWriter<'a>(&'a mut Sha256);
-
-impl std::io::Write for HashWriter<'_> {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.0.update(bytes);
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
+    let [results, steps] = ["results.parquet", "steps.parquet"].map(|name| folder.join(name));
+    files::sha256([&*results, &*steps])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::request::tests::run_file;
     use crate::run::folder::Opened;
-    use crate::settings::tests::run_file;
     use wire::proto::{AgentState, EndReason, EpisodeEnd, Metric, StepRecord};
 
     fn part(scene: &str, steps: u32) -> Part {

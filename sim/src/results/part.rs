@@ -4,6 +4,8 @@ use prost::Message;
 use sha2::{Digest, Sha256};
 use wire::proto::{AgentState, EndReason, EpisodeEnd, Event, StepRecord};
 
+use crate::files::hexadecimal;
+
 /// A finished episode. Protobuf, so that what is read back is what was written, to the bit.
 #[derive(Clone, PartialEq, Message)]
 pub struct Part {
@@ -121,12 +123,6 @@ impl Part {
         self.events.iter().for_each(|event| add(event.encode_length_delimited_to_vec()));
         hexadecimal(&hash.finalize())
     }
-}
-
-/// As lower-case digits, two a byte.
-#[must_use]
-pub fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// What tables and files call the reason.

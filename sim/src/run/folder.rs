@@ -236,7 +236,7 @@ mod tests {
 
     fn run_file(arguments: &str) -> RunFile {
         let scenes = vec![SceneLine { id: "a".to_owned(), sha256: "00".to_owned() }];
-        RunFile { scenes, ..crate::settings::tests::run_file(&arguments.split_whitespace().collect::<Vec<_>>()) }
+        RunFile { scenes, ..crate::request::tests::run_file(&arguments.split_whitespace().collect::<Vec<_>>()) }
     }
 
     fn part(scene: &str) -> Part {

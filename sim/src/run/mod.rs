@@ -39,8 +39,9 @@ use self::timing::Breakdown;
 use self::worker::{Order, Shared};
 use crate::cli::Record;
 use crate::files::FileError;
+use crate::request::Request;
 use crate::results::{self, parquet::ParquetError};
-use crate::settings::{Build, Planner, Request, RunFile, SceneLine};
+use crate::settings::{Build, Planner, RunFile, SceneLine};
 
 pub mod bus;
 pub mod clock;

@@ -1,0 +1,274 @@
+//! A command line and what it means: settings for the run, and for the machine it runs on.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use thiserror::Error;
+
+use crate::cli::{self, MotionName, Predictor, ProtocolName, RunArgs};
+use crate::protocol::{Motion, Protocol, SettingError, StrictSettings};
+use crate::settings::{Machine, Node, Planner, Settings};
+use crate::{drivers, files};
+
+/// How long nodes that the sim starts may take to be there.
+const PATIENCE_WITH_NODES: Duration = Duration::from_secs(20);
+
+/// How long somebody may take to start a planner by hand.
+const PATIENCE_WITH_PEOPLE: Duration = Duration::from_secs(600);
+
+/// A run, as it was asked for.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// Who drives, and by which rules.
+    pub settings: Settings,
+    /// Where and how.
+    pub machine: Machine,
+    /// The folder, if it was asked for.
+    pub out: Option<PathBuf>,
+    /// Whether to say where the time went.
+    pub timing: bool,
+}
+
+/// A command line that cannot be meant.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum RequestError {
+    #[error("the driver's label {0:?} is not 1 to 64 of A-Z a-z 0-9 _ . -")]
+    Label(String),
+    #[error("{0:?} is no driver\nhint: `sim run --help` lists them")]
+    Driver(String),
+    #[error(
+        "{0} has no meaning under the protocol paper: the AV is put on the plan's first pose, and nothing else can be set\nhint: leave {0} out, or drive under --protocol strict"
+    )]
+    NotUnderPaper(&'static str),
+    #[error(
+        "--motion playback puts the AV wherever the plan says: it is for the driver human, who was there\nhint: leave --motion out"
+    )]
+    Playback,
+    #[error("the driver {0} needs predictions\nhint: --predictor ctrv or oracle")]
+    NeedsPredictor(&'static str),
+    #[error(transparent)]
+    Setting(#[from] SettingError),
+}
+
+impl Request {
+    /// What `arguments` mean on a machine with so many cores.
+    ///
+    /// # Errors
+    /// [`RequestError`].
+    pub fn resolve(arguments: RunArgs, cores: u16) -> Result<Self, RequestError> {
+        let row = drivers::find(&arguments.driver).ok_or_else(|| RequestError::Driver(arguments.driver.clone()))?;
+        let own = arguments.planner.is_some() || arguments.planner_command.is_some();
+        let (planner, name, wants, moves) = match (arguments.planner_command, arguments.planner) {
+            (Some(command), _) => {
+                let files = files_named_in(&command);
+                (Planner::Command { command, files }, "command", Predictor::None, MotionName::Bicycle)
+            }
+            (None, Some(cli::Planner::External)) => {
+                (Planner::External, "external", Predictor::None, MotionName::Bicycle)
+            }
+            (None, None) => {
+                let node = Node { name: row.planner.to_owned(), reads_log: row.planner_reads_log };
+                (Planner::Node(node), row.name, row.predictor, row.motion)
+            }
+        };
+        if wants != Predictor::None && arguments.predictor == Some(Predictor::None) {
+            return Err(RequestError::NeedsPredictor(name));
+        }
+        let predictor = match arguments.predictor.unwrap_or(wants) {
+            Predictor::None => None,
+            Predictor::Ctrv => Some(Node { name: "ctrv".to_owned(), reads_log: false }),
+            Predictor::Oracle => Some(Node { name: "oracle".to_owned(), reads_log: true }),
+        };
+        let driver = match (&arguments.label, &predictor) {
+            (Some(label), _) => checked_label(label)?,
+            // Another predictor than its own makes another driver: tables must not call both the same.
+            (None, Some(node)) if own || arguments.predictor.is_some_and(|p| p != wants) => {
+                format!("{name}-{}", node.name)
+            }
+            (None, _) => name.to_owned(),
+        };
+        let protocol = match arguments.protocol {
+            ProtocolName::Strict => {
+                let motion = match arguments.motion.unwrap_or(moves) {
+                    MotionName::Bicycle => Motion::Bicycle,
+                    MotionName::Playback => Motion::Playback,
+                };
+                if motion == Motion::Playback && moves != MotionName::Playback {
+                    return Err(RequestError::Playback);
+                }
+                Protocol::Strict(StrictSettings { motion, ..StrictSettings::default() }.with_changes(&arguments.set)?)
+            }
+            ProtocolName::Paper if arguments.motion.is_some() => return Err(RequestError::NotUnderPaper("--motion")),
+            ProtocolName::Paper if !arguments.set.is_empty() => return Err(RequestError::NotUnderPaper("--set")),
+            ProtocolName::Paper => Protocol::Paper,
+        };
+        protocol.check()?;
+        let patience = if planner == Planner::External { PATIENCE_WITH_PEOPLE } else { PATIENCE_WITH_NODES };
+        let settings = Settings {
+            driver,
+            deadline_s: arguments.deadline.as_secs_f64(),
+            record: arguments.record,
+            planner,
+            predictor,
+            protocol,
+        };
+        let machine = Machine {
+            parallel: arguments.parallel.unwrap_or(cores),
+            pin: arguments.pin,
+            start_timeout_s: arguments.start_timeout.unwrap_or(patience).as_secs_f64(),
+            endpoint: arguments.endpoint,
+            scenarios: arguments.scenarios,
+        };
+        Ok(Self { settings, machine, out: arguments.out, timing: arguments.timing })
+    }
+}
+
+/// The files among the words of a shell command, with their SHA-256. What they load themselves is not seen.
+fn files_named_in(command: &str) -> BTreeMap<String, String> {
+    let words = command.split_whitespace().map(|word| word.trim_matches(['\'', '"']));
+    let files = words.filter(|word| Path::new(word).is_file());
+    files.filter_map(|word| Some((word.to_owned(), files::sha256([Path::new(word)]).ok()?))).collect()
+}
+
+fn checked_label(label: &str) -> Result<String, RequestError> {
+    let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '.' | '-');
+    if !(1..=64).contains(&label.len()) || !label.chars().all(allowed) || label.starts_with('.') {
+        return Err(RequestError::Label(label.to_owned()));
+    }
+    Ok(label.to_owned())
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::protocol::{EndingCollision, Wheelbase};
+    use crate::settings::{Build, RunFile, SceneLine};
+    use clap::Parser;
+
+    fn resolve(arguments: &[&str]) -> Request {
+        let line = ["sim", "run"].iter().chain(arguments);
+        let cli::Command::Run(arguments) = cli::Cli::parse_from(line).command else { panic!("not a run") };
+        Request::resolve(*arguments, 2).unwrap()
+    }
+
+    fn refusal(arguments: &[&str]) -> RequestError {
+        let line = ["sim", "run"].iter().chain(arguments);
+        let cli::Command::Run(arguments) = cli::Cli::parse_from(line).command else { panic!("not a run") };
+        Request::resolve(*arguments, 2).unwrap_err()
+    }
+
+    pub(crate) fn run_file(arguments: &[&str]) -> RunFile {
+        let Request { settings, machine, .. } = resolve(arguments);
+        let scenes = vec![SceneLine { id: "a".to_owned(), sha256: "00".to_owned() }];
+        RunFile { settings, build: Build::this(), machine, scenes }
+    }
+
+    #[test]
+    fn the_human_is_played_back_and_all_others_steer() {
+        for driver in drivers::DRIVERS {
+            let settings = resolve(&["--driver", driver.name]).settings;
+            let Protocol::Strict(strict) = settings.protocol else { panic!("strict is the default") };
+            assert_eq!(strict.motion == Motion::Playback, driver.name == "human");
+        }
+    }
+
+    #[test]
+    fn under_paper_all_move_alike_and_motion_is_no_choice() {
+        for driver in drivers::DRIVERS {
+            let settings = resolve(&["--driver", driver.name, "--protocol", "paper"]).settings;
+            assert_eq!((&settings.protocol, settings.protocol.motion_name()), (&Protocol::Paper, "first-pose"));
+        }
+        let refused = refusal(&["--protocol", "paper", "--motion", "bicycle"]);
+        assert!(matches!(refused, RequestError::NotUnderPaper("--motion")));
+        let refused = refusal(&["--protocol", "paper", "--set", "horizon=80"]);
+        assert!(matches!(refused, RequestError::NotUnderPaper("--set")));
+    }
+
+    #[test]
+    fn only_the_human_is_played_back() {
+        assert!(matches!(refusal(&["--motion", "playback"]), RequestError::Playback));
+        let own = refusal(&["--planner", "external", "--motion", "playback"]);
+        assert!(matches!(own, RequestError::Playback));
+        let tracked = resolve(&["--driver", "human", "--motion", "bicycle"]).settings.protocol;
+        assert_eq!(tracked, Protocol::default());
+    }
+
+    #[test]
+    fn who_needs_predictions_is_not_left_without() {
+        let refused = refusal(&["--driver", "gn-ctrv", "--predictor", "none"]);
+        assert!(matches!(refused, RequestError::NeedsPredictor("gn-ctrv")));
+    }
+
+    #[test]
+    fn a_setting_is_changed_by_its_name() {
+        let changes = ["horizon=80", "wheelbase.of-length=0.6", "ending-collision = any", "max-acceleration=4"];
+        let arguments: Vec<&str> = changes.iter().flat_map(|change| ["--set", change]).collect();
+        let expected = StrictSettings {
+            horizon: 80,
+            wheelbase: Wheelbase::OfLength(0.6),
+            ending_collision: EndingCollision::Any,
+            max_acceleration: 4.0,
+            ..StrictSettings::default()
+        };
+        assert_eq!(resolve(&arguments).settings.protocol, Protocol::Strict(expected));
+        let wrong = |change| refusal(&["--set", change]).to_string();
+        insta::assert_snapshot!(wrong("horizn=80"), @"
+        --set horizn=80: unknown field `horizn`, expected one of `start`, `horizon`, `motion`, `wheelbase`, `max-acceleration`, `max-steering`, `max-steering-rate`, `off-route-distance`, `ending-collision`
+        hint: docs/running.md lists what can be set
+        ");
+        insta::assert_snapshot!(wrong("horizon"), @"
+        --set horizon: it is not KEY=VALUE
+        hint: docs/running.md lists what can be set
+        ");
+        insta::assert_snapshot!(wrong("horizon=-3"), @"
+        --set horizon=-3: invalid value: integer `-3`, expected u32
+        hint: docs/running.md lists what can be set
+        ");
+        insta::assert_snapshot!(wrong("horizon=0"), @"horizon is 0, but it must be finite and above 0");
+        insta::assert_snapshot!(wrong("motion=playback"), @"
+        --set motion=playback: the motion has an option of its own: --motion
+        hint: docs/running.md lists what can be set
+        ");
+        let slipped = ["\"motion\"=\"playback\"", " motion = playback", "horizon = 9\nmotion = \"playback\""];
+        assert!(slipped.iter().all(|change| wrong(change).contains("--motion")));
+        insta::assert_snapshot!(wrong("ending-collision=some"), @"
+        --set ending-collision=some: unknown variant `some`, expected one of `at-fault`, `any`, `none`
+        hint: docs/running.md lists what can be set
+        ");
+    }
+
+    #[test]
+    fn a_planner_whose_file_was_changed_makes_another_run() {
+        let folder = tempfile::tempdir().unwrap();
+        let script = folder.path().join("mine.py");
+        let command = format!("python '{}' --fast", script.display());
+        std::fs::write(&script, "one").unwrap();
+        let before = run_file(&["--planner-command", &command]);
+        assert_eq!(before.differences(&run_file(&["--planner-command", &command])), Vec::<String>::new());
+        std::fs::write(&script, "two").unwrap();
+        let differences = before.differences(&run_file(&["--planner-command", &command]));
+        assert!(matches!(&differences[..], [one] if one.contains("mine.py")), "{differences:?}");
+    }
+
+    #[test]
+    fn another_predictor_makes_another_driver() {
+        assert_eq!(resolve(&[]).settings.driver, "idm");
+        assert_eq!(resolve(&["--predictor", "none"]).settings.driver, "idm");
+        assert_eq!(resolve(&["--predictor", "ctrv"]).settings.driver, "idm-ctrv");
+        assert_eq!(resolve(&["--planner", "external", "--predictor", "ctrv"]).settings.driver, "external-ctrv");
+        assert_eq!(resolve(&["--predictor", "ctrv", "--label", "mine"]).settings.driver, "mine");
+    }
+
+    #[test]
+    fn a_label_is_a_file_name() {
+        let with = |label: &str| {
+            let line = ["sim", "run", "--label", label];
+            let cli::Command::Run(arguments) = cli::Cli::parse_from(line).command else { panic!("not a run") };
+            Request::resolve(*arguments, 2).is_ok()
+        };
+        assert!(with("dipp-2"));
+        assert!(!with("../evil") && !with("a b") && !with(""));
+    }
+}
