@@ -31,6 +31,6 @@ fmt:
 lint:
     cargo clippy --workspace --all-targets --locked -- --deny warnings
 
-# All benches, or one: `just bench -p sim --bench step`.
+# All benches, or one: `just bench -p episode --bench step`.
 bench *which="--workspace":
     cargo bench --locked {{which}}

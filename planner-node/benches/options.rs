@@ -16,8 +16,8 @@
 #[path = "../tests/log/mod.rs"]
 mod log;
 
-use planner_node::gauss_newton::constants::HAND_TUNED;
-use planner_node::gauss_newton::{
+use gauss_newton::constants::HAND_TUNED;
+use gauss_newton::{
     Controls, Costing, Evaluation, Layer, LayerSettings, LinearSolver, Problem, Safety, Settings, Solver,
 };
 use planner_node::{Rules, Situation, one_step_on, verify};

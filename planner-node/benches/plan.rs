@@ -17,8 +17,8 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use criterion::Criterion;
-use planner_node::gauss_newton::constants::{NEIGHBORS, STEPS, TERMS};
-use planner_node::gauss_newton::{
+use gauss_newton::constants::{NEIGHBORS, STEPS, TERMS};
+use gauss_newton::{
     Controls, Gradients, Inputs, Layer, LayerSettings, LinearSolver, Neighbor, OutputGradient, Problem, Settings,
     Solver, StateChange, Vehicle,
 };
@@ -176,7 +176,7 @@ fn main() {
     let mut weights = [0.0; TERMS];
     weights.copy_from_slice(case.problem.weights());
     let costing = Settings::paper_test().costing;
-    let mut at = planner_node::gauss_newton::Evaluation::default();
+    let mut at = gauss_newton::Evaluation::default();
     group.bench_function("evaluate", |b| b.iter(|| at.evaluate(&case.problem, &costing, &case.initial)));
     let mut layer = Layer::new(LayerSettings::paper(), LinearSolver::Sweep);
     group.bench_function("training_forward", |b| b.iter(|| layer.forward(&case.problem, &case.initial)));

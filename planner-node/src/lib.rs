@@ -15,7 +15,6 @@
 
 mod constant_velocity;
 pub mod explain;
-pub mod gauss_newton;
 mod gauss_newton_planner;
 mod human;
 mod idm;

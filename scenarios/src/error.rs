@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 use world::scene::SceneId;
 
-use crate::set::Source;
+use crate::source::Source;
 use crate::tfrecord::{FrameError, FrameProblem, StreamError};
 use crate::womd::WomdError;
 

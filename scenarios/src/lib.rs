@@ -13,8 +13,10 @@ pub mod fuzzing;
 pub mod generated;
 pub mod lint;
 mod set;
+mod source;
 pub mod tfrecord;
 pub mod womd;
 
 pub use error::{RecordError, RecordProblem, SetError};
-pub use set::{SceneEntry, SceneSet, SetFile, Source, TomlProblem};
+pub use set::{SceneEntry, SceneSet, SetFile, TomlProblem};
+pub use source::Source;

@@ -3,11 +3,16 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use evaluation::table::TableFormat;
+use results::drivers::{DRIVERS, MotionName, Predictor};
+use results::settings::Record;
+use results::version;
 
 /// Drives an autonomous vehicle through logged traffic in closed loop, and tells how well it drove.
 #[derive(Debug, Parser)]
-#[command(name = "sim", version = crate::version::LONG, about, arg_required_else_help = true, max_term_width = 110)]
+#[command(name = "sim", version = version::LONG, about, arg_required_else_help = true, max_term_width = 110)]
 pub struct Cli {
     /// Say more on standard error; twice for everything
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
@@ -39,7 +44,7 @@ pub struct RunArgs {
     pub scenarios: Vec<String>,
 
     /// Who drives
-    #[arg(long, value_name = "NAME", default_value = "idm", value_parser = crate::drivers::names(),
+    #[arg(long, value_name = "NAME", default_value = "idm", value_parser = driver_names(),
           conflicts_with_all = ["planner", "planner_command"], help_heading = "What to drive")]
     pub driver: String,
 
@@ -126,17 +131,6 @@ pub struct VerifyArgs {
     pub vectors: PathBuf,
 }
 
-/// Predictors that the sim can start.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Predictor {
-    /// Nobody predicts
-    None,
-    /// Everybody keeps turn rate and speed
-    Ctrv,
-    /// The log's own future
-    Oracle,
-}
-
 /// Planners that the sim does not start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Planner {
@@ -154,38 +148,9 @@ pub enum ProtocolName {
     Paper,
 }
 
-/// Ways for the AV to follow its plan.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum MotionName {
-    /// By the kinematic bicycle model
-    Bicycle,
-    /// It is put on the plan's first state
-    Playback,
-}
-
-/// Which episodes are recorded.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Record {
-    /// Every one
-    #[default]
-    All,
-    /// Those that end in a collision, off the route, without a route or with a failed driver
-    Failures,
-    /// None
-    None,
-}
-
-/// How `sim table` prints.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum TableFormat {
-    /// For the terminal
-    #[default]
-    Text,
-    /// For a page
-    Markdown,
-    /// For a spreadsheet
-    Csv,
+/// What `--driver` takes.
+fn driver_names() -> PossibleValuesParser {
+    DRIVERS.iter().map(|driver| PossibleValue::new(driver.name).help(driver.about)).collect::<Vec<_>>().into()
 }
 
 /// `5s`, `500ms`, `2m`; above zero.

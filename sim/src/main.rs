@@ -9,15 +9,15 @@ use std::process::ExitCode;
 use std::thread;
 
 use clap::Parser;
-use sim::cli::{Cli, Command, RunArgs, TableArgs, TableFormat, VerifyArgs};
+use evaluation::table::{self, TableFormat};
+use results::summary::{Summary, SummaryError};
+use sim::cli::{Cli, Command, RunArgs, TableArgs, VerifyArgs};
 use sim::request::Request;
 use sim::run::clock::{Clock, WallClock};
 use sim::run::console::Console;
 use sim::run::interrupt::{INTERRUPTED, Interrupts};
 use sim::run::{self, RunError};
-use sim::summary::{Summary, SummaryError};
 use sim::verify::verify;
-use sim::{results, table};
 use tracing_subscriber::EnvFilter;
 
 fn main() -> ExitCode {

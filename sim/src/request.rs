@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use episode::protocol::{Motion, Protocol, SettingError, StrictSettings};
+use results::drivers::{self, MotionName, Predictor};
+use results::files;
+use results::settings::{Machine, Node, Planner, Settings};
 use thiserror::Error;
 
-use crate::cli::{self, MotionName, Predictor, ProtocolName, RunArgs};
-use crate::protocol::{Motion, Protocol, SettingError, StrictSettings};
-use crate::settings::{Machine, Node, Planner, Settings};
-use crate::{drivers, files};
+use crate::cli::{self, ProtocolName, RunArgs};
 
 /// How long nodes that the sim starts may take to be there.
 const PATIENCE_WITH_NODES: Duration = Duration::from_secs(20);
@@ -141,11 +142,11 @@ fn checked_label(label: &str) -> Result<String, RequestError> {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-    use crate::protocol::{EndingCollision, Wheelbase};
-    use crate::settings::{Build, RunFile, SceneLine};
     use clap::Parser;
+    use episode::protocol::{EndingCollision, Wheelbase};
+    use results::settings::{Build, RunFile, SceneLine};
 
     fn resolve(arguments: &[&str]) -> Request {
         let line = ["sim", "run"].iter().chain(arguments);
@@ -159,10 +160,27 @@ pub(crate) mod tests {
         Request::resolve(*arguments, 2).unwrap_err()
     }
 
-    pub(crate) fn run_file(arguments: &[&str]) -> RunFile {
+    fn run_file(arguments: &[&str]) -> RunFile {
         let Request { settings, machine, .. } = resolve(arguments);
         let scenes = vec![SceneLine { id: "a".to_owned(), sha256: "00".to_owned() }];
         RunFile { settings, build: Build::this(), machine, scenes }
+    }
+
+    #[test]
+    fn a_run_file_reads_back_as_it_was_written() {
+        for arguments in [
+            &[][..],
+            &["--driver", "human", "--predictor", "oracle", "--record", "none", "--pin"],
+            &["--planner-command", "python 'my planner.py' --fast", "--deadline", "250ms"],
+            &["--planner", "external", "--endpoint", "tcp/127.0.0.1:7447", "--scenarios", "a", "b"],
+            &["--protocol", "paper"],
+            &["--planner-command", "cat Cargo.toml"],
+            &["--set", "horizon=80", "--set", "wheelbase.of-length=0.6", "--set", "ending-collision=any"],
+        ] {
+            let file = run_file(arguments);
+            let text = file.to_toml();
+            assert_eq!(RunFile::parse(&text).unwrap(), file, "{text}");
+        }
     }
 
     #[test]

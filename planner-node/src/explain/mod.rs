@@ -20,9 +20,9 @@ pub use recording::{RecordedStep, RecordingError, read_step};
 
 use self::weights::Costs;
 use crate::Weights;
-use crate::gauss_newton::constants::{DT, KEY_STEPS, STEPS, TERMS, Term, lane_step};
-use crate::gauss_newton::{Controls, Evaluation, LinearSolver, Problem, Settings, Solver, trajectory};
 use crate::gauss_newton_planner::{Rules, Situation};
+use gauss_newton::constants::{DT, KEY_STEPS, STEPS, TERMS, Term, lane_step};
+use gauss_newton::{Controls, Evaluation, LinearSolver, Problem, Settings, Solver, trajectory};
 
 /// Why there is no explanation.
 #[derive(Debug, Error)]
@@ -201,11 +201,7 @@ fn over_time(at: &Evaluation, term: Term, weight: f64) -> [f64; SECONDS] {
     sums
 }
 
-fn outcome(
-    problem: &Problem,
-    settings: &Settings,
-    from: &Controls,
-) -> Result<Outcome, crate::gauss_newton::SolveError> {
+fn outcome(problem: &Problem, settings: &Settings, from: &Controls) -> Result<Outcome, gauss_newton::SolveError> {
     let mut solver = Solver::new(LinearSolver::Sweep);
     solver.solve(problem, settings, from)?;
     let best = solver.best();

@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use gauss_newton::constants::HAND_TUNED;
 use mcap::{WriteOptions, Writer};
 use wire::proto;
 use world::observation::Observation;
 use world::plan::{Control, UncheckedPlan};
 
 use super::*;
-use crate::gauss_newton::constants::HAND_TUNED;
 use crate::gauss_newton_planner::Options;
 use crate::gauss_newton_planner::tests::Road;
 

@@ -6,10 +6,10 @@
 
 use std::fmt::Write;
 
+use gauss_newton::constants::{DT, TERMS, Term};
 use world::plan::{Control, Diagnostics, Prediction};
 use world::vehicle::Limits;
 
-use crate::gauss_newton::constants::{DT, TERMS, Term};
 use crate::{Weights, WeightsError};
 
 /// Costs that differ by less, relatively and absolutely, are the same.

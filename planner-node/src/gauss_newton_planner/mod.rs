@@ -13,13 +13,13 @@
 mod situation;
 mod weights;
 
+use gauss_newton::constants::Term;
+use gauss_newton::{Controls, Evaluation, LinearSolver, Problem, Settings, Solver, Summary};
 use wire::node::{Planner, PlannerFactory, StepInput};
 use world::observation::Briefing;
 use world::plan::{Control, Diagnostics, PLAN_STEPS, PlanState, STEP_SECONDS, UncheckedPlan};
 use world::vehicle::{BicycleModel, Limits, VehicleState};
 
-use crate::gauss_newton::constants::Term;
-use crate::gauss_newton::{Controls, Evaluation, LinearSolver, Problem, Settings, Solver, Summary};
 use crate::idm::Idm;
 pub use situation::{Rules, Situation};
 pub use weights::{Weights, WeightsError};

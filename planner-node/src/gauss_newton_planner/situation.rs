@@ -1,5 +1,7 @@
 //! An observation and a prediction become a problem, in the AV's own frame.
 
+use gauss_newton::constants::{NEIGHBORS, STOP_MARGIN, TERMS};
+use gauss_newton::{InfoColumn, Inputs, Neighbor, Vehicle};
 use wire::node::StepInput;
 use world::authors_frame;
 use world::geometry::{Point, Pose, wrap_angle_single};
@@ -9,8 +11,6 @@ use world::reference_line::{ReferenceWindow, SAMPLES_BEHIND};
 use world::scene::TrackId;
 use world::vehicle::VehicleState;
 
-use crate::gauss_newton::constants::{NEIGHBORS, STOP_MARGIN, TERMS};
-use crate::gauss_newton::{InfoColumn, Inputs, Neighbor, Vehicle};
 use crate::idm::{Corridor, DesiredSpeed};
 
 /// A red light whose stop point is this far behind the AV's front is passed (m): the AV may stand on it.

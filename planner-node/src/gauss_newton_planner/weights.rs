@@ -3,11 +3,10 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use gauss_newton::constants::{HAND_TUNED, TERMS, Term};
 use serde::Deserialize;
 use thiserror::Error;
 use world::plan::Prediction;
-
-use crate::gauss_newton::constants::{HAND_TUNED, TERMS, Term};
 
 /// The weights, or where they come from.
 #[derive(Clone, Debug, Default, PartialEq)]

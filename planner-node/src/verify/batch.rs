@@ -3,14 +3,14 @@
 //! case of the batch (their Jacobian does not). Here the quirk is computed beside our own residual and must explain theirs to
 //! the last digits; a case that it makes another, at any of its iterates, is not followed.
 
+use gauss_newton::constants::{KEY_STEPS, LATERAL_MARGIN, NEIGHBORS, SAFE_GAP, STEPS, Term};
+use gauss_newton::dense::{UNKNOWNS, jacobian};
+use gauss_newton::{Controls, Evaluation, Gradients, Layer, LayerSettings, LinearSolver, Problem, Settings};
 use vectors::{Npz, absolute, worst_deviation};
 
 use super::case::{CaseError, controls, problem};
 use super::ending::{ended_otherwise, history_deviation};
 use super::{quantities as q, together};
-use crate::gauss_newton::constants::{KEY_STEPS, LATERAL_MARGIN, NEIGHBORS, SAFE_GAP, STEPS, Term};
-use crate::gauss_newton::dense::{UNKNOWNS, jacobian};
-use crate::gauss_newton::{Controls, Evaluation, Gradients, Layer, LayerSettings, LinearSolver, Problem, Settings};
 
 /// At each key step the place of the nearest neighbor in the AV's path and its distance (m): the first place and the authors'
 /// 100 m where nobody is.

@@ -1,10 +1,9 @@
 //! One case of the vectors: its inputs.
 
+use gauss_newton::constants::{NEIGHBORS, STEPS, TERMS};
+use gauss_newton::{Controls, InfoColumn, Inputs, Neighbor, Problem, ProblemError, Vehicle};
 use vectors::{Npz, NpzError};
 use world::vehicle::VehicleState;
-
-use crate::gauss_newton::constants::{NEIGHBORS, STEPS, TERMS};
-use crate::gauss_newton::{Controls, InfoColumn, Inputs, Neighbor, Problem, ProblemError, Vehicle};
 
 /// Sample of the authors' reference line at which they take the AV to be.
 const OWN_SAMPLE: usize = 200;

@@ -6,6 +6,8 @@
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
+use gauss_newton::constants::{DT, HAND_TUNED, NEIGHBORS, STEPS, STOP_MARGIN};
+use gauss_newton::{Controls, Inputs, LinearSolver, Neighbor, Problem, Settings, Solver, Vehicle, trajectory};
 use vectors::{Npz, NpzError, absolute, relative, worst_deviation};
 use world::authors_frame::single;
 use world::geometry::wrap_angle;
@@ -13,8 +15,6 @@ use world::vehicle::{BicycleModel, VehicleState};
 
 use super::case::CaseError;
 use super::quantities::{Deviations, LOOP_CONTROLS, LOOP_OBJECTIVES, LOOP_POSES};
-use crate::gauss_newton::constants::{DT, HAND_TUNED, NEIGHBORS, STEPS, STOP_MARGIN};
-use crate::gauss_newton::{Controls, Inputs, LinearSolver, Neighbor, Problem, Settings, Solver, Vehicle, trajectory};
 
 /// Rows of the reference line that lie behind the AV.
 const BEHIND: usize = 200;

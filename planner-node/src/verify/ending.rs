@@ -1,10 +1,9 @@
 //! How a search ended, in the authors' words, and the objectives that it went through.
 
+use gauss_newton::{Status, Summary};
 use vectors::{Npz, relative, worst_deviation};
 
 use super::case::CaseError;
-use super::quantities::differences;
-use crate::gauss_newton::{Status, Summary};
 
 /// The largest relative deviation of objectives. The authors' history may be longer: of a case that converged before others of its
 /// batch it goes on as it is, and what was never reached is infinite.
@@ -44,6 +43,11 @@ impl Ending {
         };
         Self { best_iteration: summary.best_after.saturating_sub(1) as f64, converged_after, status }
     }
+}
+
+/// How many pairs differ.
+pub(super) fn differences(pairs: &[(f64, f64)]) -> f64 {
+    pairs.iter().filter(|(a, b)| a != b).count() as f64
 }
 
 /// How many of the authors' words on how the search ended are others than ours.

@@ -18,7 +18,7 @@ use vectors::{FolderError, Npz, Report, npz_files};
 
 pub use case::{CaseError, controls, problem};
 
-use crate::gauss_newton::LinearSolver;
+use gauss_newton::LinearSolver;
 
 /// Why a folder cannot be verified.
 #[derive(Debug, Error)]

@@ -1,16 +1,16 @@
 //! What is compared, how, and within which tolerance.
 
+use gauss_newton::constants::{KEY_STEPS, NEIGHBORS, STEPS, TERMS, Term};
+use gauss_newton::dense::{UNKNOWNS, jacobian};
+use gauss_newton::{
+    Controls, Evaluation, Gradients, Layer, LayerSettings, LinearSolver, OutputGradient, Problem, Settings, Solver,
+    StateChange, trajectory,
+};
 use vectors::{Npz, Quantity, absolute, relative, worst_deviation};
 use world::vehicle::{BicycleModel, VehicleState};
 
 use super::case::{CaseError, controls, from_interleaved, problem};
-use super::ending::{Ending, ended_otherwise, history_deviation};
-use crate::gauss_newton::constants::{KEY_STEPS, NEIGHBORS, STEPS, TERMS, Term};
-use crate::gauss_newton::dense::{UNKNOWNS, jacobian};
-use crate::gauss_newton::{
-    Controls, Evaluation, Gradients, Layer, LayerSettings, LinearSolver, OutputGradient, Problem, Settings, Solver,
-    StateChange, trajectory,
-};
+use super::ending::{Ending, differences, ended_otherwise, history_deviation};
 
 /// A deviation of each quantity that a case has.
 pub(super) type Deviations = Vec<(Quantity, f64)>;
@@ -145,10 +145,6 @@ pub(super) fn deviations(npz: &Npz, linear: LinearSolver) -> Result<Deviations, 
 /// For gradients 1e-6 relative and 1e-9 absolute.
 fn gradient_scale(wanted: f64) -> f64 {
     wanted.abs() + 1e-3
-}
-
-pub(super) fn differences(pairs: &[(f64, f64)]) -> f64 {
-    pairs.iter().filter(|(a, b)| a != b).count() as f64
 }
 
 fn poses(states: &[VehicleState; STEPS]) -> impl Iterator<Item = f64> {

@@ -4,8 +4,9 @@
 //! their objectives is below the absolute tolerance. A case that has converged stays where it is while others go on, and a
 //! matrix that cannot be factorized ends the search of all.
 
+use gauss_newton::{Controls, Evaluation, LinearSolver, Problem, Settings, Solver};
+
 use super::ending::Ending;
-use crate::gauss_newton::{Controls, Evaluation, LinearSolver, Problem, Settings, Solver};
 
 /// What the search of a case came to.
 #[derive(Clone, Debug)]
@@ -86,8 +87,8 @@ pub(super) fn search(cases: &[(&Problem, &Controls)], settings: &Settings, linea
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gauss_newton::constants::{STEPS, Term};
-    use crate::gauss_newton::{Inputs, Vehicle};
+    use gauss_newton::constants::{STEPS, Term};
+    use gauss_newton::{Inputs, Vehicle};
 
     /// Standing still, where controls cost themselves alone: each iteration of 0.2 leaves 0.64 of the objective.
     fn problem(acceleration_weight: f64) -> Problem {

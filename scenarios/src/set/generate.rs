@@ -5,9 +5,10 @@ use std::path::Path;
 use world::scene::SceneId;
 
 use super::file::Generate;
-use super::{SceneEntry, Source, scan};
+use super::{SceneEntry, scan};
 use crate::error::SetError;
 use crate::generated::{FAMILIES, Family};
+use crate::source::Source;
 use crate::womd::WomdError;
 
 /// Appends the built-in demo set: the first scene of each family, called `demo-FAMILY`.

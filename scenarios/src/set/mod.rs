@@ -5,7 +5,6 @@ mod generate;
 mod inputs;
 mod scan;
 
-use std::fmt;
 use std::fs::File;
 use std::io::{BufReader, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -14,49 +13,11 @@ use std::sync::Arc;
 use world::scene::{Finding, Scene, SceneId};
 
 use crate::error::{RecordError, RecordProblem, SetError};
-use crate::generated::Family;
+use crate::source::Source;
 use crate::tfrecord::{Records, StreamError};
 use crate::womd::{self, WomdError};
 
 pub use file::{SetFile, TomlProblem};
-
-/// Where a scene lies.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Source {
-    /// In a TFRecord file.
-    File {
-        /// The file.
-        path: Arc<Path>,
-        /// The record's number in it, from 0.
-        record: u64,
-        /// Where the record begins in it.
-        offset: u64,
-        /// Length of the payload (bytes).
-        bytes: u64,
-        /// The masked CRC32C of the payload.
-        checksum: u32,
-    },
-    /// Made when it is loaded.
-    Generated {
-        /// The family.
-        family: &'static Family,
-        /// Where its random numbers start.
-        seed: u64,
-        /// The scene's number among those of this seed.
-        index: u32,
-    },
-}
-
-impl fmt::Display for Source {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::File { path, record, .. } => write!(f, "{} (record {record})", path.display()),
-            Self::Generated { family, seed, index } => {
-                write!(f, "generated {}, seed {seed}, scene {index}", family.name)
-            }
-        }
-    }
-}
 
 /// A scene of a set, not yet loaded.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -9,8 +9,9 @@ use std::sync::Arc;
 
 use sha2::{Digest, Sha256};
 
-use super::{SceneEntry, Source};
+use super::SceneEntry;
 use crate::error::{RecordError, RecordProblem, SetError};
+use crate::source::Source;
 use crate::tfrecord::Records;
 use crate::womd;
 

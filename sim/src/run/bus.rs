@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use results::settings::Settings;
 use wire::hub::{EpisodeLine, Hub};
 use wire::keys::Worker;
 use wire::proto::{EpisodeEnd, Event, StepRecord};
@@ -10,7 +11,6 @@ use world::plan::Plan;
 use world::scene::SceneId;
 
 use super::drive::Driver;
-use crate::settings::Settings;
 
 /// One episode's driver.
 pub struct BusDriver {

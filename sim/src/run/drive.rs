@@ -3,13 +3,13 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use episode::{Episode, Outcome};
+use results::part::Timing;
 use wire::proto::{EpisodeEnd, Event, StepRecord};
 use world::observation::{Briefing, Observation};
 use world::plan::Plan;
 
 use super::clock::Clock;
-use crate::episode::{Episode, Outcome};
-use crate::results::part::Timing;
 
 /// Answers observations with plans, and hears how it went.
 pub trait Driver {
@@ -108,7 +108,7 @@ mod tests {
     use world::plan::{Control, PLAN_STEPS, PlanState, UncheckedPlan};
 
     use super::*;
-    use crate::protocol::Protocol;
+    use episode::protocol::Protocol;
 
     /// A clock that moves on by what the script says.
     #[derive(Default)]

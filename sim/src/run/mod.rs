@@ -12,7 +12,6 @@
 //! | [`worker`], [`recorder`] | the threads that do it |
 //! | [`drive`], [`bus`] | one episode, and its driver on the bus |
 //! | [`process`], [`console`], [`interrupt`], [`clock`] | nodes, standard error, Ctrl-C, time |
-//! | [`folder`] | the run's folder |
 //! | [`timing`] | where the time went |
 
 use std::path::{Path, PathBuf};
@@ -22,6 +21,11 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
+use results::files::FileError;
+use results::folder::{Folder, FolderError, Opened};
+use results::parquet::ParquetError;
+use results::settings::Record;
+use results::settings::{Build, Planner, RunFile, SceneLine};
 use scenarios::{SceneSet, SetError};
 use thiserror::Error;
 use wire::cores::Cores;
@@ -33,15 +37,10 @@ use wire::session::SessionError;
 use self::clock::{Clock, WallClock};
 use self::console::Console;
 use self::core::{Core, Effects, Ending, Event};
-use self::folder::{Folder, FolderError, Opened};
 use self::interrupt::Interrupts;
 use self::timing::Breakdown;
 use self::worker::{Order, Shared};
-use crate::cli::Record;
-use crate::files::FileError;
 use crate::request::Request;
-use crate::results::{self, parquet::ParquetError};
-use crate::settings::{Build, Planner, RunFile, SceneLine};
 
 pub mod bus;
 pub mod clock;
@@ -50,7 +49,6 @@ pub mod core;
 #[cfg(test)]
 mod core_tests;
 pub mod drive;
-pub mod folder;
 pub mod interrupt;
 pub mod process;
 pub mod recorder;
@@ -108,7 +106,7 @@ pub fn run(request: &Request, clock: WallClock, console: &Console, interrupts: &
     };
     let opened = match &request.out {
         Some(path) => Folder::open(path, &file)?,
-        None => Folder::choose(Path::new(folder::RUNS), &file)?,
+        None => Folder::choose(Path::new(results::folder::RUNS), &file)?,
     };
     let folder = match opened {
         Opened::Finished(folder) => {

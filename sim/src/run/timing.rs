@@ -1,6 +1,6 @@
 //! Where the time went, in a few lines for standard error.
 
-use crate::results::part::Part;
+use results::part::Part;
 use world::plan::STEP_SECONDS;
 
 /// Sums over the episodes that one sim drove.

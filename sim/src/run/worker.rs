@@ -8,6 +8,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender};
 use std::time::Duration;
 
+use episode::Episode;
+use results::folder::Folder;
+use results::part::{LoggedState, Part};
+use results::settings::Record;
+use results::settings::{Node, Planner, RunFile};
 use scenarios::SceneSet;
 use wire::cores::Cores;
 use wire::hub::{Hub, Wanted};
@@ -20,12 +25,7 @@ use super::clock::{Clock, WallClock};
 use super::console::Console;
 use super::core::Event;
 use super::drive::{Driven, drive};
-use super::folder::Folder;
 use super::process::{Groups, Process, program};
-use crate::cli::Record;
-use crate::episode::Episode;
-use crate::results::part::{LoggedState, Part};
-use crate::settings::{Node, Planner, RunFile};
 
 /// What the recorder may take to close an episode's file, beyond the deadline of an answer.
 const CLOSING: Duration = Duration::from_secs(30);
@@ -312,7 +312,7 @@ impl Worker<'_> {
             let path = self.shared.folder.episodes().join(format!("{scene}.{kind}"));
             match fs::remove_file(&path) {
                 Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                    return Err(crate::files::at("remove", &path)(error).to_string());
+                    return Err(results::files::at("remove", &path)(error).to_string());
                 }
                 _ => {}
             }

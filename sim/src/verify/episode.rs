@@ -2,6 +2,10 @@
 
 use std::sync::Arc;
 
+use episode::driver::Driver;
+use episode::paper::Sight;
+use episode::protocol::Protocol;
+use episode::{Episode, Outcome};
 use vectors::{Quantity, Report, absolute, worst_deviation};
 use wire::proto::StepRecord;
 use world::authors_frame::{self, single};
@@ -11,10 +15,6 @@ use world::scene::{AgentState, Scene};
 
 use super::policy::Policy;
 use super::vector::{CURRENT, LINE_COLUMNS, LINE_ROWS, StoredObservation, StoredSight, Vector, Verdict};
-use crate::episode::driver::Driver;
-use crate::episode::paper::Sight;
-use crate::episode::{Episode, Outcome};
-use crate::protocol::Protocol;
 
 const STATES: Quantity = Quantity::within("AV states", 1e-6, "abs");
 const NEIGHBORS: Quantity = Quantity::exact("neighbors");

@@ -12,41 +12,21 @@
 //! | `episode` | an episode, step by step |
 
 mod episode;
+mod error;
 mod policy;
 mod route;
 mod vector;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
-use scenarios::{SceneSet, SetError};
-use thiserror::Error;
-use vectors::{FolderError, Npz, NpzError, Report, npz_files};
+use scenarios::SceneSet;
+use vectors::{Npz, Report, npz_files};
 use world::scene::Scene;
 
+pub use self::error::VerifyError;
 use self::policy::Policy;
 use self::vector::Vector;
-
-/// Why there is nothing to verify.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the messages say it")]
-pub enum VerifyError {
-    #[error(transparent)]
-    Folder(#[from] FolderError),
-    // It names its cause itself.
-    #[error("{0}")]
-    Set(SetError),
-    #[error(transparent)]
-    Npz(#[from] NpzError),
-    #[error("cannot read {path}")]
-    Json { path: PathBuf, source: std::io::Error },
-    #[error("{path} is not what it should be")]
-    JsonContent { path: PathBuf, source: serde_json::Error },
-    #[error(
-        "{0} has no vectors of any of these scenes\nhint: they are named SCENE__route.npz, SCENE__human.npz, SCENE__constant-velocity.npz, SCENE__planner.npz"
-    )]
-    NoScene(PathBuf),
-}
 
 /// Compares all vectors of `folder` whose scene is among `scenarios`, see [`SceneSet::open`].
 ///

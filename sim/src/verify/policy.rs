@@ -1,12 +1,12 @@
 //! Who drives the episodes of the vectors.
 
+use episode::driver::Driver;
+use episode::paper::START;
 use world::observation::Observation;
 use world::plan::{PLAN_STEPS, Plan, PlanState, STEP_SECONDS, UncheckedPlan};
 use world::scene::Scene;
 
 use super::vector::Vector;
-use crate::episode::driver::Driver;
-use crate::episode::paper::START;
 
 /// A policy of the vectors; only the first state of its plans is driven.
 pub enum Policy<'a> {

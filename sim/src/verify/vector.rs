@@ -3,12 +3,12 @@
 use std::fs;
 use std::path::Path;
 
+use episode::paper::sight::NEIGHBORS;
 use serde::Deserialize;
 use vectors::{Npz, NpzError};
 use wire::proto::EndReason;
 
-use super::VerifyError;
-use crate::episode::paper::sight::NEIGHBORS;
+use super::error::VerifyError;
 
 /// Columns of a stored reference line: x, y, heading, curvature, info.
 pub const LINE_COLUMNS: usize = 5;

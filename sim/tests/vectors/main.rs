@@ -3,7 +3,6 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test may panic, and prints its table")]
 
 mod fixture;
-mod open_loop;
 mod planner;
 
 use std::sync::Arc;

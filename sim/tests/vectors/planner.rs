@@ -3,11 +3,11 @@
 
 use std::sync::Arc;
 
+use episode::Episode;
+use episode::protocol::Protocol;
 use planner_node::{GaussNewton, GaussNewtonOptions};
 use predictor_node::Ctrv;
 use prost::Message;
-use sim::episode::Episode;
-use sim::protocol::Protocol;
 use vectors::{Npz, Quantity, Report, absolute, relative, worst_deviation};
 use wire::node::{History, Planner, PlannerFactory, Predictor, PredictorFactory, StepInput};
 use wire::proto::{self, EndReason};

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use sim::results::parquet::Table;
+use results::parquet::Table;
 
 use crate::stage::Stage;
 
@@ -38,7 +38,7 @@ fn one_command_drives_the_demo_set_and_prints_its_table() {
     ");
     assert!(lines[6].starts_with("idm        7      0 "), "{}", ended.out);
     assert_eq!(lines[8], "folder runs/idm-strict-1");
-    let digest = sim::results::digest(&stage.path("runs/idm-strict-1")).unwrap();
+    let digest = results::digest(&stage.path("runs/idm-strict-1")).unwrap();
     assert_eq!(lines[9], format!("digest {digest}"));
     assert!(ended.err.contains("times real time"), "{}", ended.err);
     assert_eq!(names(&stage, "runs"), ["idm-strict-1"]);

@@ -1,7 +1,7 @@
 //! Nodes that die, stall or lie cost their own episode and nothing else.
 
 use nix::sys::signal::{Signal, kill};
-use sim::results::parquet::Table;
+use results::parquet::Table;
 
 use crate::stage::{Ended, Stage, assert_same, program};
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use sim::results::parquet::Table;
+use results::parquet::Table;
 
 use crate::stage::{Stage, real_scenes};
 

@@ -1,7 +1,7 @@
 //! A recorder that dies costs recordings and no result.
 
 use nix::sys::signal::{Signal, kill};
-use sim::results::parquet::Table;
+use results::parquet::Table;
 
 use crate::stage::{Stage, wait_until};
 

@@ -1,9 +1,9 @@
 //! The plans of a recording give its drive again, to the bit: no bus, no node, no clock.
 
+use episode::Episode;
 use prost::Message;
+use results::folder::read_run_file;
 use scenarios::SceneSet;
-use sim::episode::Episode;
-use sim::run::folder::read_run_file;
 use wire::proto::{EpisodeEnd, Event, Plan, StepRecord};
 use world::plan::UncheckedPlan;
 

@@ -1,0 +1,297 @@
+//! One drive through one scene: what is seen at a step, what a plan makes of it, what the judges say.
+
+use std::sync::Arc;
+
+use wire::proto::{self, EndReason};
+use world::geometry::{Pose, angle_difference};
+use world::observation::{Briefing, HistoryStep, Observation, ObservedAgent};
+use world::plan::{Control, Plan, STEP_SECONDS};
+use world::reference_line::ReferenceWindow;
+use world::route::{Route, RouteError};
+use world::scene::{AgentState, Scene};
+use world::signal::Signal;
+use world::vehicle::WHEELBASE;
+
+use crate::advance::{Advance, Undrivable, named};
+use crate::metrics;
+use crate::paper::{self, Paper};
+use crate::protocol::Protocol;
+use crate::strict::Strict;
+
+/// A finished episode.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// How it ended, with all metrics. The counts of observations, plans and predictions are the caller's to fill in.
+    pub end: proto::EpisodeEnd,
+    /// A record a step.
+    pub records: Vec<proto::StepRecord>,
+    /// Everything that happened.
+    pub events: Vec<proto::Event>,
+}
+
+/// One drive through one scene.
+#[derive(Clone, Debug)]
+pub struct Episode {
+    scene: Arc<Scene>,
+    protocol: Protocol,
+    /// Log index of step 0.
+    start: u32,
+    /// Steps that the protocol drives at most.
+    most_steps: u32,
+    /// As many, or fewer where the log ends before.
+    horizon: u32,
+    rules: Rules,
+    step: u32,
+    records: Vec<proto::StepRecord>,
+    events: Vec<proto::Event>,
+    advance: Advance,
+    detail: String,
+}
+
+/// What differs between the protocols, with the AV as each of them has it.
+#[derive(Clone, Debug)]
+enum Rules {
+    Strict(Box<Strict>),
+    Paper(Box<Paper>),
+}
+
+impl Rules {
+    fn wheelbase(&self) -> f64 {
+        match self {
+            Self::Strict(rules) => rules.wheelbase(),
+            Self::Paper(_) => WHEELBASE,
+        }
+    }
+
+    fn route(&self) -> &Route {
+        match self {
+            Self::Strict(rules) => rules.route(),
+            Self::Paper(rules) => rules.route(),
+        }
+    }
+
+    fn av(&self) -> &AgentState {
+        match self {
+            Self::Strict(rules) => rules.av(),
+            Self::Paper(rules) => rules.av(),
+        }
+    }
+
+    /// What brought the AV here; zero, or how the wheels stand, at the start.
+    fn control(&self) -> Control {
+        match self {
+            Self::Strict(rules) => rules.control(),
+            Self::Paper(rules) => rules.control(),
+        }
+    }
+
+    fn window(&self, signals: &[Signal]) -> ReferenceWindow {
+        match self {
+            Self::Strict(rules) => rules.window(signals),
+            Self::Paper(rules) => rules.sight().window.clone(),
+        }
+    }
+
+    /// Moves the AV by one step.
+    fn drive(&mut self, plan: &Plan) {
+        match self {
+            Self::Strict(rules) => rules.drive(plan),
+            Self::Paper(rules) => rules.drive(plan),
+        }
+    }
+
+    /// Judges the AV where it is now, and says whether that ends the episode.
+    fn judge(&mut self, scene: &Scene, log_index: usize, advance: &mut Advance) -> Option<EndReason> {
+        match self {
+            Self::Strict(rules) => rules.judge(log_index, advance),
+            Self::Paper(rules) => rules.judge(scene, log_index, advance),
+        }
+    }
+}
+
+impl Episode {
+    /// The episode of `scene` under `protocol`, before its first step.
+    ///
+    /// # Errors
+    /// [`Undrivable`] says why there is nothing to drive.
+    pub fn new(scene: Arc<Scene>, protocol: &Protocol) -> Result<Self, Undrivable> {
+        protocol.check()?;
+        let (first, most_steps) = match protocol {
+            Protocol::Strict(settings) => (settings.start, settings.horizon),
+            Protocol::Paper => (paper::START, paper::MOST_STEPS),
+        };
+        let start = first as usize;
+        let end = scene.steps().min(start.saturating_add(most_steps as usize).saturating_add(1));
+        if end < start + 2 {
+            return Err(Undrivable::TooShort { steps: scene.steps(), needed: start + 1 });
+        }
+        let state = scene.av().states[start].ok_or(Undrivable::AvMissing { start })?;
+        let rules = match protocol {
+            Protocol::Strict(settings) => Rules::Strict(Box::new(Strict::new(&scene, settings.clone(), state, end)?)),
+            Protocol::Paper => Rules::Paper(Box::new(Paper::new(&scene, state)?)),
+        };
+        let horizon = (end - 1 - start) as u32;
+        Ok(Self {
+            protocol: protocol.clone(),
+            records: Vec::with_capacity(horizon as usize),
+            events: Vec::new(),
+            advance: Advance::default(),
+            detail: String::new(),
+            step: 0,
+            start: first,
+            most_steps,
+            horizon,
+            rules,
+            scene,
+        })
+    }
+
+    fn log_index(&self) -> usize {
+        (self.start + self.step) as usize
+    }
+
+    fn agents_at(&self, log_index: usize) -> Vec<ObservedAgent> {
+        let others = self.scene.tracks().iter().enumerate().filter(|(index, _)| *index != self.scene.av_index());
+        let seen = others.filter_map(|(_, track)| {
+            let state = track.states[log_index]?;
+            Some(ObservedAgent { track: track.id, kind: track.kind, state })
+        });
+        seen.collect()
+    }
+
+    /// What a driver is told before the first step.
+    #[must_use]
+    pub fn briefing(&self) -> Briefing {
+        let history = (0..self.start as usize).filter_map(|log_index| {
+            let av = self.scene.av().states[log_index]?;
+            Some(HistoryStep { log_index: log_index as u32, av, agents: self.agents_at(log_index) })
+        });
+        Briefing {
+            scene: self.scene.id().clone(),
+            protocol: self.protocol.name().to_owned(),
+            start: self.start,
+            horizon: self.horizon,
+            wheelbase: self.rules.wheelbase(),
+            map: Arc::clone(self.scene.map()),
+            route: self.rules.route().lanes.clone(),
+            reference_line: Arc::clone(&self.rules.route().line),
+            history: history.collect(),
+        }
+    }
+
+    /// What is to be seen now.
+    #[must_use]
+    pub fn observe(&self) -> Observation {
+        let log_index = self.log_index();
+        let signals = self.scene.signals(log_index);
+        Observation {
+            step: self.step,
+            log_index: log_index as u32,
+            av: *self.rules.av(),
+            control: self.rules.control(),
+            agents: self.agents_at(log_index),
+            signals: signals.to_vec(),
+            window: self.rules.window(signals),
+        }
+    }
+
+    /// Why the episode is over, if it is.
+    #[must_use]
+    pub fn ended(&self) -> Option<EndReason> {
+        self.advance.ended
+    }
+
+    /// Drives one step of `plan`. After the end nothing more happens.
+    pub fn advance(&mut self, plan: &Plan) -> &Advance {
+        if self.advance.ended.is_some() {
+            return &self.advance;
+        }
+        let log_index = self.log_index() + 1;
+        let heading = self.rules.av().heading;
+        self.rules.drive(plan);
+        let av = self.rules.av();
+        let human = self.scene.av().states[log_index];
+        self.advance.events.clear();
+        self.advance.record = proto::StepRecord {
+            step: self.step,
+            log_index: log_index as u32,
+            av: Some(av.into()),
+            control: Some(self.rules.control().into()),
+            yaw_rate: angle_difference(heading, av.heading) / STEP_SECONDS,
+            position_error: human.map(|human| human.position().distance(av.position())),
+            ..proto::StepRecord::default()
+        };
+        let ended = self.rules.judge(&self.scene, log_index, &mut self.advance);
+        if ended == Some(EndReason::RouteLost) {
+            self.detail = RouteError::NoLane { log_index }.to_string();
+        }
+        self.step += 1;
+        self.advance.ended = ended.or_else(|| self.end_of_time());
+        self.advance.record.events = self.advance.events.len() as u32;
+        self.records.push(self.advance.record);
+        self.events.extend_from_slice(&self.advance.events);
+        &self.advance
+    }
+
+    fn end_of_time(&self) -> Option<EndReason> {
+        if self.step == self.most_steps {
+            Some(EndReason::Horizon)
+        } else if self.step == self.horizon {
+            Some(EndReason::LogEnd)
+        } else {
+            None
+        }
+    }
+
+    /// What the authors' simulator sees now; none under another protocol.
+    #[must_use]
+    pub fn paper_sight(&self) -> Option<&paper::Sight> {
+        match &self.rules {
+            Rules::Strict(_) => None,
+            Rules::Paper(rules) => Some(rules.sight()),
+        }
+    }
+
+    /// Ends the episode: the driver failed for `reason`.
+    pub fn fail(&mut self, reason: String) -> &Advance {
+        if self.advance.ended.is_none() {
+            self.advance.ended = Some(EndReason::DriverFailed);
+            self.advance.events.clear();
+            self.advance.events.push(proto::Event {
+                step: self.step,
+                kind: proto::event::Kind::DriverFailed.into(),
+                text: format!("the driver failed: {reason}"),
+                ..proto::Event::default()
+            });
+            self.events.extend_from_slice(&self.advance.events);
+            self.detail = reason;
+        }
+        &self.advance
+    }
+
+    /// The outcome of what was driven.
+    #[must_use]
+    pub fn finish(self) -> Outcome {
+        let human: Vec<Option<Pose>> =
+            self.scene.av().states.iter().map(|state| state.map(|state| state.pose())).collect();
+        let first = self.start as usize + 1;
+        let measured = match &self.rules {
+            Rules::Strict(rules) => {
+                rules.measure(&self.records, &self.events, &human[first..first + self.records.len()])
+            }
+            Rules::Paper(_) => metrics::authors::measure(&self.records, &human),
+        };
+        let end = proto::EpisodeEnd {
+            scene: self.scene.id().to_string(),
+            protocol: self.protocol.name().to_owned(),
+            reason: self.advance.ended.unwrap_or_default().into(),
+            detail: self.detail,
+            steps: self.step,
+            metrics: named(measured),
+            records: self.records.len() as u32,
+            events: self.events.len() as u32,
+            ..proto::EpisodeEnd::default()
+        };
+        Outcome { end, records: self.records, events: self.events }
+    }
+}

@@ -1,0 +1,194 @@
+//! The rules of `strict`: a bicycle model, oriented boxes, every agent, whose fault it was; what the logged AV does wrong too
+//! does not count.
+//!
+//! | module | what |
+//! | --- | --- |
+//! | [`course`] | what stays the same over an episode; the reading of the AV against it; the human's own reading |
+//! | [`traffic`] | the other road users, step by step |
+//! | `referee` | readings become a step's record and events |
+
+pub mod course;
+mod referee;
+pub mod traffic;
+
+use wire::proto::{self, EndReason};
+use world::geometry::{Point, Pose, angle_difference};
+use world::plan::{Control, Plan, STEP_SECONDS};
+use world::reference_line::ReferenceWindow;
+use world::route::{Route, RouteStyle};
+use world::scene::{AgentState, Scene};
+use world::signal::Signal;
+use world::vehicle::{BicycleModel, Limits, VehicleState};
+
+use self::course::{Course, Human, Reader};
+use self::referee::{Moment, Referee};
+use crate::advance::{Advance, Undrivable, control_between, steering_of};
+use crate::judges::Body;
+use crate::metrics::{self, Drive};
+use crate::protocol::{EndingCollision, Motion, StrictSettings};
+use crate::tracker;
+
+/// An AV under these rules.
+#[derive(Clone, Debug)]
+pub(super) struct Strict {
+    settings: StrictSettings,
+    vehicle: BicycleModel,
+    limits: Limits,
+    course: Course,
+    human: Human,
+    reader: Reader,
+    referee: Referee,
+    av: Body,
+    control: Control,
+    /// Height (m) of the AV's centre above the route's ground, as logged at the start.
+    height: f64,
+    /// Nearest sample of the reference line.
+    sample: usize,
+    start_station: f64,
+}
+
+impl Strict {
+    /// The AV in `state` at the start of a drive that ends before log index `end`.
+    pub(super) fn new(
+        scene: &Scene,
+        settings: StrictSettings,
+        state: AgentState,
+        end: usize,
+    ) -> Result<Self, Undrivable> {
+        let start = settings.start as usize;
+        let route = Route::of_log(scene, RouteStyle::Strict)?;
+        let course = Course::of(scene, route, &settings);
+        let human = Human::of(scene, &course, start, end);
+        let vehicle = settings.vehicle(state.length)?;
+        let av = Body { speed: state.velocity().dot(Point::unit(state.heading)).max(0.0), ..Body::of(state) };
+        let mut reader = Reader::default();
+        let reading = reader.read(&course, &av);
+        let height = state.z - course.level.height(state.position()).unwrap_or(state.z);
+        Ok(Self {
+            control: Control { acceleration: 0.0, steering: logged_steering(scene, start, &vehicle) },
+            referee: Referee::new(scene, &course.traffic, vehicle.wheelbase),
+            limits: settings.limits(),
+            start_station: reading.station,
+            sample: reading.sample,
+            settings,
+            vehicle,
+            course,
+            human,
+            reader,
+            av,
+            height,
+        })
+    }
+
+    pub(super) fn wheelbase(&self) -> f64 {
+        self.vehicle.wheelbase
+    }
+
+    pub(super) fn route(&self) -> &Route {
+        &self.course.route
+    }
+
+    pub(super) fn av(&self) -> &AgentState {
+        &self.av.state
+    }
+
+    pub(super) fn control(&self) -> Control {
+        self.control
+    }
+
+    pub(super) fn window(&self, signals: &[Signal]) -> ReferenceWindow {
+        self.course.route.window(self.sample, signals)
+    }
+
+    /// Judges the AV at `log_index`, and says whether that ends the episode.
+    pub(super) fn judge(&mut self, log_index: usize, advance: &mut Advance) -> Option<EndReason> {
+        let reading = self.reader.read(&self.course, &self.av);
+        self.sample = reading.sample;
+        let (course, human, av) = (&self.course, &self.human, &self.av);
+        let moment = Moment { course, human, log_index, av, reading: &reading };
+        self.referee.judge(&moment, advance);
+        let record = &advance.record;
+        let collision = match self.settings.ending_collision {
+            EndingCollision::AtFault => record.at_fault_collision,
+            EndingCollision::Any => record.collision,
+            EndingCollision::None => false,
+        };
+        if collision {
+            Some(EndReason::Collision)
+        } else if record.off_route {
+            Some(EndReason::OffRoute)
+        } else {
+            None
+        }
+    }
+
+    /// The metrics of what was driven, beside the `human` at the same log indices.
+    pub(super) fn measure(
+        &self,
+        records: &[proto::StepRecord],
+        events: &[proto::Event],
+        human: &[Option<Pose>],
+    ) -> Vec<Option<f64>> {
+        metrics::measure(&Drive {
+            records,
+            events,
+            at_fault: self.referee.at_fault(),
+            human,
+            start_station: self.start_station,
+            human_route_progress: self.human.route_progress(),
+        })
+    }
+
+    /// Moves the AV by one step.
+    pub(super) fn drive(&mut self, plan: &Plan) {
+        let state = self.av.state;
+        let now = VehicleState { x: state.x, y: state.y, heading: state.heading, speed: self.av.speed };
+        let next = match self.settings.motion {
+            Motion::Bicycle => {
+                let steering = self.control.steering;
+                let wanted = plan.controls().and_then(|controls| controls.first().copied());
+                let wanted =
+                    wanted.unwrap_or_else(|| tracker::track(&now, steering, self.vehicle.wheelbase, plan.states()));
+                self.control = self.limits.apply(wanted, steering, STEP_SECONDS);
+                let next = self.vehicle.step(now, self.control, STEP_SECONDS);
+                // What braking did, where the AV came to a stop within the step.
+                self.control.acceleration = (next.speed - now.speed) / STEP_SECONDS;
+                next
+            }
+            Motion::Playback => {
+                let first = plan.states()[0];
+                let next = VehicleState { x: first.x, y: first.y, heading: first.heading, speed: first.speed.max(0.0) };
+                self.control = control_between(&now, &next, self.vehicle.wheelbase);
+                next
+            }
+        };
+        self.av = self.body_at(&next);
+    }
+
+    fn body_at(&self, vehicle: &VehicleState) -> Body {
+        let forward = Point::unit(vehicle.heading);
+        let place = Point::new(vehicle.x, vehicle.y);
+        let ground = self.course.level.height(place);
+        let state = AgentState {
+            x: vehicle.x,
+            y: vehicle.y,
+            z: ground.map_or(self.av.state.z, |ground| ground + self.height),
+            heading: vehicle.heading,
+            velocity_x: forward.x * vehicle.speed,
+            velocity_y: forward.y * vehicle.speed,
+            ..self.av.state
+        };
+        Body { speed: vehicle.speed, ..Body::of(state) }
+    }
+}
+
+/// How the wheels stand when the drive starts, read from the log of the last half second.
+fn logged_steering(scene: &Scene, start: usize, vehicle: &BicycleModel) -> f64 {
+    let states = &scene.av().states;
+    let Some((now, before)) = states[start].zip(start.checked_sub(5).and_then(|index| states[index])) else {
+        return 0.0;
+    };
+    let yaw_rate = angle_difference(before.heading, now.heading) / (5.0 * STEP_SECONDS);
+    let speed = 0.5 * (now.speed() + before.speed());
+    steering_of(yaw_rate, speed, vehicle.wheelbase).clamp(-vehicle.steering_clip, vehicle.steering_clip)
+}

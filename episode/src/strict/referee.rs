@@ -1,0 +1,229 @@
+//! Turns readings into a step's record and events: nets them against the human's, remembers who was hit, and says each
+//! thing once.
+
+use wire::proto;
+use wire::proto::event::{Contact, Kind};
+use world::plan::STEP_SECONDS;
+use world::scene::{AgentKind, Scene, TrackId};
+
+use super::course::{Course, Human, Reading};
+use super::traffic::Traffic;
+use crate::advance::Advance;
+use crate::judges::collision::{classify, is_ahead, is_at_fault, is_behind, overlaps};
+use crate::judges::time_to_collision::{
+    HORIZON_STEPS, LEAST_TIME_TO_COLLISION, STANDING_SPEED, TrafficAgent, time_to_collision,
+};
+use crate::judges::{Body, STOREY};
+
+/// How a rule stands at a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Standing {
+    #[default]
+    Kept,
+    /// Broken, but by the logged AV too.
+    Netted,
+    Broken,
+}
+
+impl Standing {
+    fn of(broken: bool, human_breaks_it: bool) -> Self {
+        match (broken, human_breaks_it) {
+            (false, _) => Self::Kept,
+            (true, true) => Self::Netted,
+            (true, false) => Self::Broken,
+        }
+    }
+}
+
+/// What there is to judge at a step.
+#[derive(Clone, Copy)]
+pub(super) struct Moment<'a> {
+    pub course: &'a Course,
+    pub human: &'a Human,
+    pub log_index: usize,
+    pub av: &'a Body,
+    pub reading: &'a Reading,
+}
+
+/// The judge of one drive.
+#[derive(Clone, Debug)]
+pub struct Referee {
+    wheelbase: f64,
+    tracks: Vec<(TrackId, AgentKind)>,
+    /// Tracks that were hit: they count once, and are judged no more.
+    hit: Vec<bool>,
+    /// Tracks that overlap the AV now as they do the logged AV.
+    netted: Vec<bool>,
+    /// Agents that overlap the AV at this step; kept to spare an allocation.
+    overlapping: Vec<TrafficAgent>,
+    at_fault: Vec<AgentKind>,
+    off_route: Standing,
+    off_road: Standing,
+    wrong_way: Standing,
+    speeding: Standing,
+    low_time_to_collision: Standing,
+}
+
+impl Referee {
+    pub(super) fn new(scene: &Scene, traffic: &Traffic, wheelbase: f64) -> Self {
+        let tracks: Vec<_> = scene.tracks().iter().map(|track| (track.id, track.kind)).collect();
+        Self {
+            wheelbase,
+            hit: vec![false; tracks.len()],
+            netted: vec![false; tracks.len()],
+            overlapping: Vec::with_capacity(traffic.most_agents()),
+            at_fault: Vec::new(),
+            off_route: Standing::Kept,
+            off_road: Standing::Kept,
+            wrong_way: Standing::Kept,
+            speeding: Standing::Kept,
+            low_time_to_collision: Standing::Kept,
+            tracks,
+        }
+    }
+
+    /// What was hit at fault so far.
+    pub(super) fn at_fault(&self) -> &[AgentKind] {
+        &self.at_fault
+    }
+
+    /// Fills in the record and the events of a step.
+    pub(super) fn judge(&mut self, moment: &Moment<'_>, advance: &mut Advance) {
+        let (record, reading) = (&mut advance.record, moment.reading);
+        record.station = reading.station;
+        record.lateral_offset = reading.lateral_offset;
+        record.route_distance = reading.route_distance;
+        record.road_edge_distance = reading.road_edge_distance;
+        record.speed_limit = reading.lane.speed_limit;
+        record.backward_travel = reading.lane.backward_travel;
+        record.in_one_lane = reading.lane.in_one_lane;
+        self.judge_traffic(moment, advance);
+        self.judge_rules(moment, advance);
+    }
+
+    fn judge_traffic(&mut self, moment: &Moment<'_>, advance: &mut Advance) {
+        let Moment { course, human, log_index, av, reading } = *moment;
+        let beside_matters = !reading.lane.in_one_lane || reading.lane.in_intersection;
+        let reach = av.outline.radius() + av.speed * HORIZON_STEPS as f64 * STEP_SECONDS;
+        let mut least: Option<f64> = None;
+        self.overlapping.clear();
+        course.traffic.for_each_near(log_index, av.outline.center, reach, |agent| {
+            if self.hit[agent.track] || (av.state.z - agent.z).abs() > STOREY {
+                return;
+            }
+            if overlaps(av, agent) {
+                self.overlapping.push(*agent);
+                return;
+            }
+            self.netted[agent.track] = false;
+            let center = agent.outline.center;
+            let matters =
+                is_ahead(av, self.wheelbase, center) || (beside_matters && !is_behind(av, self.wheelbase, center));
+            if matters && av.speed > STANDING_SPEED {
+                least = time_to_collision(av, agent).into_iter().chain(least).reduce(f64::min);
+            }
+        });
+        for index in 0..self.overlapping.len() {
+            let agent = self.overlapping[index];
+            self.judge_contact(human.body(log_index), av, &agent, advance);
+        }
+        let record = &mut advance.record;
+        record.time_to_collision = if record.at_fault_collision { Some(0.0) } else { least };
+    }
+
+    fn judge_contact(&mut self, human: Option<&Body>, av: &Body, agent: &TrafficAgent, advance: &mut Advance) {
+        let Advance { record, events, .. } = advance;
+        let contact = classify(av, self.wheelbase, agent);
+        let at_fault = is_at_fault(contact, record.in_one_lane);
+        let netted = human.is_some_and(|human| overlaps(human, agent));
+        let said = std::mem::replace(&mut self.netted[agent.track], netted);
+        if netted && said {
+            return;
+        }
+        let (track, kind) = self.tracks[agent.track];
+        let relative_speed = (agent.velocity - av.velocity()).norm();
+        if !netted {
+            self.hit[agent.track] = true;
+            record.collision = true;
+            record.at_fault_collision |= at_fault;
+            if at_fault {
+                self.at_fault.push(kind);
+            }
+        }
+        let (what, whose) = (describe(contact), if at_fault { "at fault" } else { "not at fault" });
+        events.push(proto::Event {
+            text: format!("{what} {kind} {track} at {relative_speed:.1} m/s, {whose}{}", aside(netted)),
+            track: Some(track.0),
+            contact: contact.into(),
+            at_fault,
+            netted,
+            relative_speed,
+            ..event(record.step, Kind::Collision)
+        });
+    }
+
+    fn judge_rules(&mut self, moment: &Moment<'_>, advance: &mut Advance) {
+        let Moment { course, human, log_index, av, reading } = *moment;
+        let Advance { record, events, .. } = advance;
+        let (own, log) = (reading.faults, human.faults(log_index));
+        let step = record.step;
+        let off_route = Standing::of(own.off_route, log.off_route);
+        let off_road = Standing::of(own.off_road, log.off_road);
+        let wrong_way = Standing::of(own.wrong_way, log.wrong_way);
+        let speeding = Standing::of(own.speeding, log.speeding);
+        let low_time = record.time_to_collision.is_some_and(|time| time < LEAST_TIME_TO_COLLISION);
+        record.off_route = off_route == Standing::Broken;
+        record.off_road = off_road == Standing::Broken;
+        record.wrong_way = wrong_way == Standing::Broken;
+        record.speeding = speeding == Standing::Broken;
+        record.outside_drivable_area = own.outside_drivable_area && !log.outside_drivable_area;
+
+        let mut say = |now: Standing, before: &mut Standing, kind: Kind, text: &dyn Fn() -> String| {
+            if now != *before && now != Standing::Kept {
+                let netted = now == Standing::Netted;
+                events.push(proto::Event { text: text() + aside(netted), netted, ..event(step, kind) });
+            }
+            *before = now;
+        };
+        say(off_route, &mut self.off_route, Kind::OffRoute, &|| {
+            format!("{:.1} m from the route", reading.route_distance)
+        });
+        say(off_road, &mut self.off_road, Kind::OffRoad, &|| {
+            format!("a corner is {:.2} m beyond the road's edge", reading.road_edge_distance.unwrap_or(0.0))
+        });
+        say(wrong_way, &mut self.wrong_way, Kind::WrongWay, &|| {
+            format!("{:.1} m against the lane within a second", reading.lane.backward_travel)
+        });
+        say(speeding, &mut self.speeding, Kind::Speeding, &|| {
+            format!("{:.1} m/s where {:.1} m/s are allowed", av.speed, reading.lane.speed_limit)
+        });
+        say(Standing::of(low_time, false), &mut self.low_time_to_collision, Kind::LowTimeToCollision, &|| {
+            format!("{:.1} s to collision", record.time_to_collision.unwrap_or(0.0))
+        });
+        for stop in course.red_stops_crossed(log_index, reading) {
+            let now = Standing::of(true, human.crosses_red(stop));
+            record.red_light |= now == Standing::Broken;
+            say(now, &mut Standing::Kept, Kind::RedLight, &|| {
+                format!("crossed the stop point of lane {} at red", stop.lane)
+            });
+        }
+    }
+}
+
+fn event(step: u32, kind: Kind) -> proto::Event {
+    proto::Event { step, kind: kind.into(), ..proto::Event::default() }
+}
+
+fn aside(netted: bool) -> &'static str {
+    if netted { " (the logged AV too: not counted)" } else { "" }
+}
+
+fn describe(contact: Contact) -> &'static str {
+    match contact {
+        Contact::Front => "the AV's front struck",
+        Contact::StoppedTrack => "the AV struck the standing",
+        Contact::Rear => "from behind struck by",
+        Contact::Lateral => "side to side with",
+        Contact::Standing | Contact::Unspecified => "struck while standing by",
+    }
+}

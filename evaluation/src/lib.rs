@@ -1,0 +1,9 @@
+//! From runs to judgement: what drives were worth, side by side.
+//!
+//! | module | what |
+//! | --- | --- |
+//! | [`table`] | finished runs, a line each |
+//! | [`open_loop`] | the paper's open-loop metrics: a plan held to the log, frame by frame |
+
+pub mod open_loop;
+pub mod table;

@@ -1,0 +1,184 @@
+//! The rows of each file. A column's name carries its unit; what each means is in `docs/running.md` and `docs/metrics.md`.
+
+use std::sync::Arc;
+
+use arrow_array::{ArrayRef, BooleanArray, Float64Array, RecordBatch, StringArray, UInt32Array};
+use arrow_schema::{ArrowError, DataType, Field, Schema};
+use episode::metrics::METRICS;
+use wire::proto::{AgentState, StepRecord};
+
+use super::part::{Part, reason_name};
+use crate::settings::SceneLine;
+
+/// What all rows of a run share.
+#[derive(Clone, Copy, Debug)]
+pub struct Common<'a> {
+    /// What tables call the driver.
+    pub driver: &'a str,
+    /// The protocol's name.
+    pub protocol: &'a str,
+    /// How the AV follows its plan.
+    pub motion: &'a str,
+}
+
+/// A table under construction, column by column.
+#[derive(Default)]
+struct Columns {
+    fields: Vec<Field>,
+    arrays: Vec<ArrayRef>,
+}
+
+impl Columns {
+    fn add(&mut self, name: &str, kind: DataType, nullable: bool, array: ArrayRef) {
+        self.fields.push(Field::new(name, kind, nullable));
+        self.arrays.push(array);
+    }
+
+    fn text<T: AsRef<str>>(&mut self, name: &str, values: impl IntoIterator<Item = T>) {
+        self.add(name, DataType::Utf8, false, Arc::new(StringArray::from_iter_values(values)));
+    }
+
+    fn count(&mut self, name: &str, values: impl IntoIterator<Item = u32>) {
+        self.add(name, DataType::UInt32, false, Arc::new(UInt32Array::from_iter_values(values)));
+    }
+
+    fn flag(&mut self, name: &str, values: impl IntoIterator<Item = bool>) {
+        let values: Vec<bool> = values.into_iter().collect();
+        self.add(name, DataType::Boolean, false, Arc::new(BooleanArray::from(values)));
+    }
+
+    fn number(&mut self, name: &str, values: impl IntoIterator<Item = f64>) {
+        self.add(name, DataType::Float64, false, Arc::new(Float64Array::from_iter_values(values)));
+    }
+
+    fn maybe(&mut self, name: &str, values: impl IntoIterator<Item = Option<f64>>) {
+        self.add(name, DataType::Float64, true, Arc::new(Float64Array::from_iter(values)));
+    }
+
+    fn batch(self) -> Result<RecordBatch, ArrowError> {
+        RecordBatch::try_new(Arc::new(Schema::new(self.fields)), self.arrays)
+    }
+}
+
+/// `results.parquet`: the row of one episode.
+///
+/// # Errors
+/// [`ArrowError`] where columns do not fit together: a bug.
+pub fn results(common: Common<'_>, scene: &SceneLine, part: &Part) -> Result<RecordBatch, ArrowError> {
+    let mut table = Columns::default();
+    table.text("scene", [&scene.id]);
+    table.text("scene_sha256", [&scene.sha256]);
+    table.text("driver", [common.driver]);
+    table.text("protocol", [common.protocol]);
+    table.text("motion", [common.motion]);
+    table.text("end_reason", [reason_name(part.reason())]);
+    table.text("end_detail", [part.end.as_ref().map_or("", |end| &end.detail)]);
+    table.flag("failed", [part.failed()]);
+    table.count("steps", [part.records.len() as u32]);
+    table.count("start_log_index", [part.start_log_index]);
+    let start = |value: fn(&AgentState) -> f64| [part.start.as_ref().map(value)];
+    table.maybe("start_x_m", start(|av| av.x));
+    table.maybe("start_y_m", start(|av| av.y));
+    table.maybe("start_heading_rad", start(|av| av.heading));
+    table.maybe("start_velocity_x_mps", start(|av| av.velocity_x));
+    table.maybe("start_velocity_y_mps", start(|av| av.velocity_y));
+    for metric in METRICS {
+        table.maybe(metric.name, [value(part, metric.name)]);
+    }
+    table.flag("recorded", [part.recorded]);
+    table.text("recording_error", [&part.recording_error]);
+    table.text("episode_sha256", [part.digest()]);
+    table.batch()
+}
+
+fn value(part: &Part, name: &str) -> Option<f64> {
+    part.end.as_ref()?.metrics.iter().find(|metric| metric.name == name)?.value
+}
+
+/// `steps.parquet`: the rows of one episode, a row a step.
+///
+/// # Errors
+/// [`ArrowError`] where columns do not fit together: a bug.
+pub fn steps(common: Common<'_>, part: &Part) -> Result<RecordBatch, ArrowError> {
+    let records = &part.records;
+    let scene = part.end.as_ref().map_or("", |end| end.scene.as_str());
+    let number = |value: fn(&StepRecord) -> f64| records.iter().map(value);
+    let maybe = |value: fn(&StepRecord) -> Option<f64>| records.iter().map(value);
+    let flag = |value: fn(&StepRecord) -> bool| records.iter().map(value);
+    let av = |value: fn(&AgentState) -> f64| records.iter().map(move |record| record.av.as_ref().map(value));
+    let logged = |value: fn(&AgentState) -> f64| part.logged.iter().map(move |at| at.state.as_ref().map(value));
+
+    let mut table = Columns::default();
+    table.text("scene", records.iter().map(|_| scene));
+    table.text("driver", records.iter().map(|_| common.driver));
+    table.text("protocol", records.iter().map(|_| common.protocol));
+    table.count("step", records.iter().map(|record| record.step));
+    table.count("log_index", records.iter().map(|record| record.log_index));
+    table.maybe("av_x_m", av(|av| av.x));
+    table.maybe("av_y_m", av(|av| av.y));
+    table.maybe("av_z_m", av(|av| av.z));
+    table.maybe("av_heading_rad", av(|av| av.heading));
+    table.maybe("av_velocity_x_mps", av(|av| av.velocity_x));
+    table.maybe("av_velocity_y_mps", av(|av| av.velocity_y));
+    table.maybe("av_length_m", av(|av| av.length));
+    table.maybe("av_width_m", av(|av| av.width));
+    table.number("acceleration_mps2", number(|record| record.control.as_ref().map_or(0.0, |c| c.acceleration)));
+    table.number("steering_rad", number(|record| record.control.as_ref().map_or(0.0, |c| c.steering)));
+    table.number("yaw_rate_radps", number(|record| record.yaw_rate));
+    table.number("station_m", number(|record| record.station));
+    table.number("lateral_offset_m", number(|record| record.lateral_offset));
+    table.maybe("speed_limit_mps", maybe(|record| (record.speed_limit > 0.0).then_some(record.speed_limit)));
+    table.number("route_distance_m", number(|record| record.route_distance));
+    table.maybe("road_edge_distance_m", maybe(|record| record.road_edge_distance));
+    table.maybe("time_to_collision_s", maybe(|record| record.time_to_collision));
+    table.maybe("position_error_m", maybe(|record| record.position_error));
+    table.flag("collision", flag(|record| record.collision));
+    table.flag("at_fault_collision", flag(|record| record.at_fault_collision));
+    table.flag("off_route", flag(|record| record.off_route));
+    table.flag("off_road", flag(|record| record.off_road));
+    table.flag("red_light", flag(|record| record.red_light));
+    table.flag("wrong_way", flag(|record| record.wrong_way));
+    table.flag("speeding", flag(|record| record.speeding));
+    table.flag("outside_drivable_area", flag(|record| record.outside_drivable_area));
+    table.number("backward_travel_m", number(|record| record.backward_travel));
+    table.flag("in_one_lane", flag(|record| record.in_one_lane));
+    table.maybe("human_x_m", logged(|human| human.x));
+    table.maybe("human_y_m", logged(|human| human.y));
+    table.maybe("human_heading_rad", logged(|human| human.heading));
+    table.maybe("human_velocity_x_mps", logged(|human| human.velocity_x));
+    table.maybe("human_velocity_y_mps", logged(|human| human.velocity_y));
+    table.text("events", records.iter().map(|record| events_at(part, record.step)));
+    table.batch()
+}
+
+/// The sentences of a step's events, one a line.
+fn events_at(part: &Part, step: u32) -> String {
+    let at = part.events.iter().filter(|event| event.step == step);
+    at.map(|event| event.text.as_str()).collect::<Vec<_>>().join("\n")
+}
+
+/// `timing.parquet`: the row of one episode; seconds of wall clock.
+///
+/// # Errors
+/// [`ArrowError`] where columns do not fit together: a bug.
+pub fn timing(scene: &SceneLine, part: &Part) -> Result<RecordBatch, ArrowError> {
+    let timing = part.timing.unwrap_or_default();
+    let mut table = Columns::default();
+    table.text("scene", [&scene.id]);
+    table.count("worker", [timing.worker]);
+    table.count("steps", [part.records.len() as u32]);
+    table.number("first_step_s", [timing.first_step]);
+    table.number("wall_s", [timing.wall]);
+    table.number("load_s", [timing.load]);
+    table.number("prepare_s", [timing.prepare]);
+    table.number("brief_s", [timing.brief]);
+    table.number("observe_s", [timing.observe]);
+    table.number("answer_s", [timing.answer]);
+    table.number("advance_s", [timing.advance]);
+    table.number("publish_s", [timing.publish]);
+    table.number("recording_s", [timing.recording]);
+    table.number("answer_p50_s", [timing.answer_p50]);
+    table.number("answer_p99_s", [timing.answer_p99]);
+    table.number("answer_max_s", [timing.answer_max]);
+    table.batch()
+}

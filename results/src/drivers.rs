@@ -1,0 +1,103 @@
+//! The drivers: a planner with its predictor and settings, by one name. A new driver is a row here.
+
+use clap::ValueEnum;
+
+/// Predictors that the sim can start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Predictor {
+    /// Nobody predicts
+    None,
+    /// Everybody keeps turn rate and speed
+    Ctrv,
+    /// The log's own future
+    Oracle,
+}
+
+/// Ways for the AV to follow its plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum MotionName {
+    /// By the kinematic bicycle model
+    Bicycle,
+    /// It is put on the plan's first state
+    Playback,
+}
+
+/// A row of the table.
+#[derive(Clone, Copy, Debug)]
+pub struct Driver {
+    /// What is typed and what tables say.
+    pub name: &'static str,
+    /// In a few words, for `--help`.
+    pub about: &'static str,
+    /// The planner, as `planner-node` calls it.
+    pub planner: &'static str,
+    /// Whether the planner reads the log itself, so that it must be told the scene set.
+    pub planner_reads_log: bool,
+    /// The predictor it wants.
+    pub predictor: Predictor,
+    /// How the AV follows its plans under `strict`, unless asked otherwise.
+    pub motion: MotionName,
+}
+
+/// All of them.
+pub const DRIVERS: &[Driver] = &[
+    Driver {
+        name: "idm",
+        about: "Intelligent driver model along the route",
+        planner: "idm",
+        planner_reads_log: false,
+        predictor: Predictor::None,
+        motion: MotionName::Bicycle,
+    },
+    Driver {
+        name: "human",
+        about: "The logged AV itself",
+        planner: "human",
+        planner_reads_log: true,
+        predictor: Predictor::None,
+        // So that the log itself is judged, and not how well it can be tracked.
+        motion: MotionName::Playback,
+    },
+    Driver {
+        name: "constant-velocity",
+        about: "Straight on at the speed it has",
+        planner: "constant-velocity",
+        planner_reads_log: false,
+        predictor: Predictor::None,
+        motion: MotionName::Bicycle,
+    },
+    Driver {
+        name: "gn-ctrv",
+        about: "Gauss-Newton over DIPP's cost terms, others at constant turn rate",
+        planner: "gauss-newton",
+        planner_reads_log: false,
+        predictor: Predictor::Ctrv,
+        motion: MotionName::Bicycle,
+    },
+    Driver {
+        name: "gn-oracle",
+        about: "The same with everybody's true future",
+        planner: "gauss-newton",
+        planner_reads_log: false,
+        predictor: Predictor::Oracle,
+        motion: MotionName::Bicycle,
+    },
+];
+
+/// The row of `name`.
+#[must_use]
+pub fn find(name: &str) -> Option<&'static Driver> {
+    DRIVERS.iter().find(|driver| driver.name == name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn driver_names_are_unique() {
+        for (index, driver) in DRIVERS.iter().enumerate() {
+            assert!(DRIVERS[..index].iter().all(|other| other.name != driver.name), "{} twice", driver.name);
+        }
+    }
+}

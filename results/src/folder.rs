@@ -1,0 +1,334 @@
+//! A run's folder: begun, continued or finished; and its name.
+//!
+//! ```text
+//! run.toml           the settings; written first
+//! parts/<scene>.part one finished episode each; gone when the run is complete
+//! episodes/          the recordings
+//! steps.parquet, timing.parquet, results.parquet      written last, in this order: a run with results.parquet is complete
+//! .lock              held while a sim works in it
+//! ```
+
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use prost::Message;
+use thiserror::Error;
+
+use crate::files::{self, FileError, at};
+use crate::part::Part;
+use crate::settings::{RunFile, SettingsError};
+
+/// Where runs go that have no folder given.
+pub const RUNS: &str = "runs";
+
+/// A folder that a run cannot use.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum FolderError {
+    #[error(transparent)]
+    File(#[from] FileError),
+    #[error("{}: {source}", path.display())]
+    RunFile { path: PathBuf, source: SettingsError },
+    #[error("{} is not empty and holds no run\nhint: give another folder with --out", .0.display())]
+    NotARun(PathBuf),
+    #[error("{} is a file, but a run is a folder\nhint: give another name with --out", .0.display())]
+    NotAFolder(PathBuf),
+    #[error("another sim works in {}\nhint: wait for it, or give another folder with --out", .0.display())]
+    Busy(PathBuf),
+    #[error("{} holds another run:\n  {}\nhint: repeat the command it was begun with, or give another folder with --out",
+            path.display(), differences.join("\n  "))]
+    OtherRun { path: PathBuf, differences: Vec<String> },
+}
+
+/// A run's folder, locked.
+#[derive(Debug)]
+pub struct Folder {
+    path: PathBuf,
+    /// Held until the folder is dropped: two sims in one folder would take each other's parts for their own.
+    _lock: File,
+}
+
+/// A folder, and how far the run in it is.
+#[derive(Debug)]
+pub enum Opened {
+    /// Nothing was there.
+    New(Folder),
+    /// A run that was stopped.
+    Unfinished(Folder),
+    /// A complete run.
+    Finished(Folder),
+}
+
+impl Folder {
+    /// The folder `path` for the run `file`.
+    ///
+    /// # Errors
+    /// [`FolderError`] where it holds something else.
+    pub fn open(path: &Path, file: &RunFile) -> Result<Opened, FolderError> {
+        if path.is_file() {
+            return Err(FolderError::NotAFolder(path.to_owned()));
+        }
+        fs::create_dir_all(path).map_err(at("create", path))?;
+        refuse_other_things(path)?;
+        let folder = Self::lock(path)?;
+        let Some(there) = read_run_file(path)? else {
+            let text = file.to_toml();
+            files::write_whole(&folder.file("run.toml"), |out| out.write_all(text.as_bytes()))?;
+            folder.create_subfolders()?;
+            return Ok(Opened::New(folder));
+        };
+        let differences = there.differences(file);
+        if !differences.is_empty() {
+            return Err(FolderError::OtherRun { path: path.to_owned(), differences });
+        }
+        if folder.is_finished() {
+            folder.remove_parts()?;
+            return Ok(Opened::Finished(folder));
+        }
+        folder.create_subfolders()?;
+        Ok(Opened::Unfinished(folder))
+    }
+
+    /// The folder for the run `file` among `runs`: `DRIVER-PROTOCOL-N`, the last one if it is this very run and unfinished,
+    /// else the next number.
+    ///
+    /// # Errors
+    /// [`FolderError`].
+    pub fn choose(runs: &Path, file: &RunFile) -> Result<Opened, FolderError> {
+        let stem = format!("{}-{}", file.settings.driver, file.settings.protocol.name());
+        let mut number = last_number(runs, &stem)?;
+        if number > 0 {
+            let path = runs.join(format!("{stem}-{number}"));
+            match Self::open(&path, file) {
+                Ok(opened @ (Opened::Unfinished(_) | Opened::New(_))) => return Ok(opened),
+                Ok(Opened::Finished(_)) | Err(_) => {}
+            }
+        }
+        loop {
+            number += 1;
+            let path = runs.join(format!("{stem}-{number}"));
+            if path.exists() {
+                continue;
+            }
+            match Self::open(&path, file) {
+                // Another sim was faster.
+                Err(FolderError::Busy(_) | FolderError::OtherRun { .. }) | Ok(Opened::Finished(_)) => {}
+                opened => return opened,
+            }
+        }
+    }
+
+    fn lock(path: &Path) -> Result<Self, FolderError> {
+        let lock = path.join(".lock");
+        let file = File::create(&lock).map_err(at("create", &lock))?;
+        match file.try_lock() {
+            Ok(()) => Ok(Self { path: path.to_owned(), _lock: file }),
+            Err(fs::TryLockError::WouldBlock) => Err(FolderError::Busy(path.to_owned())),
+            Err(fs::TryLockError::Error(error)) => Err(at("lock", &lock)(error).into()),
+        }
+    }
+
+    /// Its path.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// A file in it.
+    #[must_use]
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
+
+    /// Where recordings go.
+    #[must_use]
+    pub fn episodes(&self) -> PathBuf {
+        self.file("episodes")
+    }
+
+    /// Whether the run in it is complete.
+    #[must_use]
+    pub fn is_finished(&self) -> bool {
+        self.file("results.parquet").exists()
+    }
+
+    fn create_subfolders(&self) -> Result<(), FolderError> {
+        for folder in ["parts", "episodes"] {
+            let folder = self.file(folder);
+            fs::create_dir_all(&folder).map_err(at("create", &folder))?;
+        }
+        Ok(())
+    }
+
+    fn part_path(&self, scene: &str) -> PathBuf {
+        // A suffix of its own: a scene may be called `x.partial`, as an unfinished part of the scene `x` would be.
+        self.file("parts").join(format!("{scene}.part"))
+    }
+
+    /// The finished episode of `scene`, if there is one. A part that cannot be read is no part.
+    ///
+    /// # Errors
+    /// [`FileError`] where the disk fails.
+    pub fn part(&self, scene: &str) -> Result<Option<Part>, FileError> {
+        let bytes = files::read(&self.part_path(scene))?;
+        Ok(bytes.and_then(|bytes| Part::from_bytes(&bytes, scene)))
+    }
+
+    /// Stores a finished episode.
+    ///
+    /// # Errors
+    /// [`FileError`] where the disk fails.
+    pub fn store(&self, scene: &str, part: &Part) -> Result<(), FileError> {
+        let bytes = part.encode_to_vec();
+        files::write_whole(&self.part_path(scene), |out| out.write_all(&bytes))
+    }
+
+    /// Removes the parts of a complete run.
+    ///
+    /// # Errors
+    /// [`FileError`] where the disk fails.
+    pub fn remove_parts(&self) -> Result<(), FileError> {
+        let parts = self.file("parts");
+        match fs::remove_dir_all(&parts) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(at("remove", &parts)(error)),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The settings of the run in `folder`; none where there is no run.
+///
+/// # Errors
+/// [`FolderError`] where they cannot be read.
+pub fn read_run_file(folder: &Path) -> Result<Option<RunFile>, FolderError> {
+    let path = folder.join("run.toml");
+    let Some(bytes) = files::read(&path)? else { return Ok(None) };
+    let parsed = RunFile::parse(&String::from_utf8_lossy(&bytes));
+    parsed.map(Some).map_err(|source| FolderError::RunFile { path, source })
+}
+
+/// A folder without a run must be empty, but for what a sim leaves that is killed before it has written `run.toml`.
+fn refuse_other_things(path: &Path) -> Result<(), FolderError> {
+    let ours = |name: &str| matches!(name, "run.toml" | "run.toml.partial" | ".lock");
+    let mut entries = fs::read_dir(path).map_err(at("list", path))?;
+    let other = entries.any(|entry| entry.is_ok_and(|entry| !ours(&entry.file_name().to_string_lossy())));
+    if other && !path.join("run.toml").exists() { Err(FolderError::NotARun(path.to_owned())) } else { Ok(()) }
+}
+
+/// The greatest N of the folders `stem-N`; 0 where there is none.
+fn last_number(runs: &Path, stem: &str) -> Result<u32, FileError> {
+    let entries = match fs::read_dir(runs) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(0),
+        Err(error) => return Err(at("list", runs)(error)),
+    };
+    let number = |name: &str| name.strip_prefix(stem)?.strip_prefix('-')?.parse().ok();
+    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    Ok(names.filter_map(|name| number(&name)).max().unwrap_or(0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::tests::run_file;
+    use wire::proto::EpisodeEnd;
+
+    fn patient(deadline_s: f64) -> RunFile {
+        let mut file = run_file();
+        file.settings.deadline_s = deadline_s;
+        file
+    }
+
+    fn part(scene: &str) -> Part {
+        Part { end: Some(EpisodeEnd { scene: scene.to_owned(), ..EpisodeEnd::default() }), ..Part::default() }
+    }
+
+    fn finish(folder: &Folder) {
+        fs::write(folder.file("results.parquet"), "rows").unwrap();
+    }
+
+    #[test]
+    fn a_run_is_begun_continued_and_found_finished() {
+        let root = tempfile::tempdir().unwrap();
+        let path = root.path().join("run");
+        let file = run_file();
+        let Opened::New(folder) = Folder::open(&path, &file).unwrap() else { panic!("it is new") };
+        folder.store("a", &part("a")).unwrap();
+        drop(folder);
+        // Another number of workers is the same run.
+        let mut busier = run_file();
+        busier.machine.parallel = 7;
+        let Opened::Unfinished(folder) = Folder::open(&path, &busier).unwrap() else { panic!("unfinished") };
+        assert_eq!(folder.part("a").unwrap(), Some(part("a")));
+        finish(&folder);
+        drop(folder);
+        let Opened::Finished(folder) = Folder::open(&path, &file).unwrap() else { panic!("it is finished") };
+        assert!(!folder.file("parts").exists());
+    }
+
+    #[test]
+    fn a_part_that_cannot_be_read_or_is_of_another_scene_is_no_part() {
+        let root = tempfile::tempdir().unwrap();
+        let Opened::New(folder) = Folder::open(root.path(), &run_file()).unwrap() else { panic!("it is new") };
+        fs::write(folder.part_path("a"), [0xff; 9]).unwrap();
+        assert_eq!(folder.part("a").unwrap(), None);
+        folder.store("a", &part("b")).unwrap();
+        assert_eq!(folder.part("a").unwrap(), None);
+        assert_eq!(folder.part("never driven").unwrap(), None);
+    }
+
+    #[test]
+    fn scenes_whose_names_differ_by_a_suffix_do_not_meet() {
+        let root = tempfile::tempdir().unwrap();
+        let Opened::New(folder) = Folder::open(root.path(), &run_file()).unwrap() else { panic!("it is new") };
+        for scene in ["a.partial", "a.part.partial", "a.part", "a"] {
+            folder.store(scene, &part(scene)).unwrap();
+        }
+        for scene in ["a.partial", "a.part.partial", "a.part", "a"] {
+            assert_eq!(folder.part(scene).unwrap(), Some(part(scene)), "{scene}");
+        }
+    }
+
+    #[test]
+    fn a_folder_is_refused_while_another_sim_holds_it_or_if_it_holds_something_else() {
+        let root = tempfile::tempdir().unwrap();
+        let path = root.path().join("run");
+        let _held = Folder::open(&path, &run_file()).unwrap();
+        assert!(matches!(Folder::open(&path, &run_file()), Err(FolderError::Busy(_))));
+        drop(_held);
+        assert!(matches!(Folder::open(&path, &patient(1.0)), Err(FolderError::OtherRun { .. })));
+        let diary = root.path().join("diary");
+        fs::create_dir(&diary).unwrap();
+        fs::write(diary.join("today.txt"), "rain").unwrap();
+        assert!(matches!(Folder::open(&diary, &run_file()), Err(FolderError::NotARun(_))));
+        assert!(matches!(Folder::open(&diary.join("today.txt"), &run_file()), Err(FolderError::NotAFolder(_))));
+        fs::write(path.join("run.toml"), "settings = 7").unwrap();
+        assert!(matches!(Folder::open(&path, &run_file()), Err(FolderError::RunFile { .. })));
+    }
+
+    #[test]
+    fn a_run_without_a_folder_continues_its_last_one_or_takes_the_next_number() {
+        let root = tempfile::tempdir().unwrap();
+        let choose = |file: &RunFile| match Folder::choose(root.path(), file).unwrap() {
+            Opened::New(folder) => (folder, "new"),
+            Opened::Unfinished(folder) => (folder, "unfinished"),
+            Opened::Finished(folder) => (folder, "finished"),
+        };
+        let name = |folder: &Folder| folder.path().file_name().unwrap().to_string_lossy().into_owned();
+        let mut human = run_file();
+        human.settings.driver = "human".to_owned();
+        let (first, state) = choose(&run_file());
+        assert_eq!((&*name(&first), state), ("idm-strict-1", "new"));
+        let (second, state) = choose(&run_file());
+        assert_eq!((&*name(&second), state), ("idm-strict-2", "new"), "the first is at work");
+        drop((first, second));
+        let (again, state) = choose(&run_file());
+        assert_eq!((&*name(&again), state), ("idm-strict-2", "unfinished"));
+        finish(&again);
+        drop(again);
+        assert_eq!(name(&choose(&run_file()).0), "idm-strict-3");
+        assert_eq!(name(&choose(&patient(1.0)).0), "idm-strict-4", "the third is another run");
+        assert_eq!(name(&choose(&human).0), "human-strict-1");
+    }
+}

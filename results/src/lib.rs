@@ -1,0 +1,27 @@
+//! What a run leaves: its settings, a part as each episode ends, three Parquet files of all of them, and a summary.
+//!
+//! | module | what |
+//! | --- | --- |
+//! | [`drivers`] | who can drive: a planner with its predictor and settings, by one name |
+//! | [`settings`] | what decides a run's results, as `run.toml` holds it |
+//! | [`folder`] | a run's folder: begun, continued or finished |
+//! | [`part`] | one finished episode, kept until the run is complete |
+//! | [`columns`] | the rows of each file: names, units, types |
+//! | [`parquet`] | written so that the same rows are the same bytes, and read back |
+//! | [`merge()`], [`digest`] | from parts to files, and what names their content |
+//! | [`summary`] | a finished run in one line |
+//! | [`files`] | whole under their final name or not there at all |
+//! | [`version`] | which build this is |
+
+pub mod columns;
+pub mod drivers;
+pub mod files;
+pub mod folder;
+mod merge;
+pub mod parquet;
+pub mod part;
+pub mod settings;
+pub mod summary;
+pub mod version;
+
+pub use merge::{digest, merge};

@@ -1,0 +1,120 @@
+//! The parts of a run, merged into its files when the last episode is done.
+
+use std::path::Path;
+
+use arrow_array::RecordBatch;
+use arrow_schema::ArrowError;
+
+use crate::columns::{self, Common};
+use crate::files::{self, FileError};
+use crate::folder::Folder;
+use crate::parquet::{self, ParquetError};
+use crate::part::Part;
+use crate::settings::{RunFile, SceneLine};
+
+/// Merges the parts of a run, in the order of its scenes, into its three files; `results.parquet` last, for it says that the
+/// run is complete.
+///
+/// # Errors
+/// [`ParquetError`] where the disk fails.
+pub fn merge(folder: &Folder, file: &RunFile) -> Result<(), ParquetError> {
+    let common = Common {
+        driver: &file.settings.driver,
+        protocol: file.settings.protocol.name(),
+        motion: file.settings.protocol.motion_name(),
+    };
+    let write = |name: &str, rows: &dyn Fn(&SceneLine, &Part) -> Result<RecordBatch, ArrowError>| {
+        let nothing = SceneLine { id: String::new(), sha256: String::new() };
+        let schema = rows(&nothing, &Part::default())?.schema();
+        let batches = file.scenes.iter().map(|scene| {
+            let part = folder.part(&scene.id)?.ok_or_else(|| ParquetError::Part(scene.id.clone()))?;
+            Ok(rows(scene, &part)?)
+        });
+        parquet::write(&folder.file(name), schema, batches)
+    };
+    write("steps.parquet", &|_, part| columns::steps(common, part))?;
+    write("timing.parquet", &columns::timing)?;
+    write("results.parquet", &|scene, part| columns::results(common, scene, part))
+}
+
+/// The digest of a finished run: SHA-256 over `results.parquet` and then `steps.parquet`, as
+/// `cat results.parquet steps.parquet | sha256sum` prints it.
+///
+/// # Errors
+/// [`FileError`] where they cannot be read.
+pub fn digest(folder: &Path) -> Result<String, FileError> {
+    let [results, steps] = ["results.parquet", "steps.parquet"].map(|name| folder.join(name));
+    files::sha256([&*results, &*steps])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::folder::Opened;
+    use crate::part;
+    use crate::settings::tests::run_file;
+    use wire::proto::{AgentState, EndReason, EpisodeEnd, Metric, StepRecord};
+
+    fn part(scene: &str, steps: u32) -> Part {
+        let metrics = vec![Metric { name: "progress_m".to_owned(), value: Some(f64::from(steps)) }];
+        let reason = if steps > 0 { EndReason::Horizon } else { EndReason::DriverFailed };
+        let end = EpisodeEnd { scene: scene.to_owned(), reason: reason.into(), metrics, ..EpisodeEnd::default() };
+        let av = Some(AgentState { x: 1.0, ..AgentState::default() });
+        let records = (0..steps).map(|step| StepRecord { step, av, ..StepRecord::default() }).collect();
+        let logged = (0..steps).map(|step| part::LoggedState { state: (step < 2).then_some(av).flatten() }).collect();
+        Part { end: Some(end), records, logged, ..Part::default() }
+    }
+
+    /// A finished run of two episodes, one of which failed.
+    fn finished(root: &Path) -> Folder {
+        let scene = |id: &str| SceneLine { id: id.to_owned(), sha256: format!("hash of {id}") };
+        let file = RunFile { scenes: vec![scene("b"), scene("a")], ..run_file() };
+        let Ok(Opened::New(folder)) = Folder::open(root, &file) else { panic!("it is new") };
+        // Stored in another order than the scenes have.
+        folder.store("a", &part("a", 0)).unwrap();
+        folder.store("b", &part("b", 3)).unwrap();
+        merge(&folder, &file).unwrap();
+        folder
+    }
+
+    #[test]
+    fn rows_are_in_the_order_of_the_scenes_and_read_back() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = finished(root.path());
+        let results = parquet::Table::read(&folder.file("results.parquet")).unwrap();
+        assert_eq!(results.text("scene").unwrap(), ["b", "a"]);
+        assert_eq!(results.text("scene_sha256").unwrap(), ["hash of b", "hash of a"]);
+        assert_eq!(results.text("end_reason").unwrap(), ["horizon", "driver-failed"]);
+        assert_eq!(results.flags("failed").unwrap(), [false, true]);
+        assert_eq!(results.numbers().unwrap()["progress_m"], [Some(3.0), Some(0.0)]);
+        assert_eq!(results.numbers().unwrap()["nuplan_score"], [None, None]);
+        let steps = parquet::Table::read(&folder.file("steps.parquet")).unwrap();
+        assert_eq!(steps.text("scene").unwrap(), ["b", "b", "b"]);
+        assert_eq!(steps.numbers().unwrap()["human_x_m"], [Some(1.0), Some(1.0), None]);
+        let summary = crate::summary::Summary::read(root.path()).unwrap();
+        assert_eq!((summary.counted(), summary.mean("progress_m")), (1, Some((3.0, 1))));
+    }
+
+    #[test]
+    fn the_same_rows_are_the_same_bytes_and_hold_no_clock() {
+        let roots = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+        let digests = roots.each_ref().map(|root| {
+            let folder = finished(root.path());
+            digest(folder.path()).unwrap()
+        });
+        assert_eq!(digests[0], digests[1]);
+        let bytes = std::fs::read(roots[0].path().join("results.parquet")).unwrap();
+        let text = String::from_utf8_lossy(&bytes);
+        assert!(text.contains("reloop") && !text.contains("parquet-rs"), "the writer's version changes the bytes");
+    }
+
+    #[test]
+    fn a_missing_part_is_named_and_leaves_no_results() {
+        let root = tempfile::tempdir().unwrap();
+        let scenes = vec![SceneLine { id: "a".to_owned(), sha256: String::new() }];
+        let file = RunFile { scenes, ..run_file() };
+        let Ok(Opened::New(folder)) = Folder::open(root.path(), &file) else { panic!("it is new") };
+        assert_eq!(merge(&folder, &file).unwrap_err().to_string(), "the part of a is missing");
+        assert!(!folder.is_finished());
+    }
+}

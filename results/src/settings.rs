@@ -1,0 +1,277 @@
+//! What a run is, every default filled in: this is what `run.toml` holds.
+//!
+//! [`Settings`], [`Build`] and the scenes decide the results: a run is only continued where they are the same.
+//! [`Machine`] does not touch a byte of them.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use clap::ValueEnum;
+use episode::protocol::Protocol;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::version;
+
+/// `run.toml`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct RunFile {
+    /// Who drives, and by which rules.
+    pub settings: Settings,
+    /// Which build drives.
+    pub build: Build,
+    /// Where and how it was run.
+    pub machine: Machine,
+    /// What is driven, in the order of the tables.
+    #[serde(default)]
+    pub scenes: Vec<SceneLine>,
+}
+
+/// A `run.toml` that is none.
+#[derive(Debug, Error)]
+#[error("run.toml cannot be read: {0}\nhint: give another folder with --out, or remove this one")]
+pub struct SettingsError(#[from] toml::de::Error);
+
+/// Who drives, and by which rules.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Settings {
+    /// What tables call the driver.
+    pub driver: String,
+    /// How long an answer may take (s).
+    pub deadline_s: f64,
+    /// Which episodes are recorded.
+    pub record: Record,
+    /// Where plans come from.
+    pub planner: Planner,
+    /// Where predictions come from.
+    pub predictor: Option<Node>,
+    /// The rules of an episode.
+    pub protocol: Protocol,
+}
+
+/// Which episodes are recorded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Record {
+    /// Every one
+    #[default]
+    All,
+    /// Those that end in a collision, off the route, without a route or with a failed driver
+    Failures,
+    /// None
+    None,
+}
+
+/// Where plans come from.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", tag = "from")]
+pub enum Planner {
+    /// A member of `planner-node`.
+    Node(Node),
+    /// A command of the user's.
+    Command {
+        /// For the shell; a node's arguments are appended.
+        command: String,
+        /// SHA-256, in hexadecimal digits, of the files that it names: a planner that was changed makes another run.
+        #[serde(default)]
+        files: BTreeMap<String, String>,
+    },
+    /// A process that the user starts.
+    External,
+}
+
+/// A member of `planner-node` or `predictor-node`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Node {
+    /// Its name there.
+    pub name: String,
+    /// Whether it reads the log itself.
+    pub reads_log: bool,
+}
+
+/// Which build drives.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Build {
+    /// The package's version.
+    pub version: String,
+    /// The revision it was built from.
+    pub git_revision: String,
+    /// The version of the messages.
+    pub wire_version: u32,
+}
+
+/// A scene of the run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct SceneLine {
+    /// Its name.
+    pub id: String,
+    /// SHA-256 of its record, in hexadecimal digits.
+    pub sha256: String,
+}
+
+/// Where and how a run was run: nothing in its results depends on it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Machine {
+    /// Episodes driven at a time.
+    pub parallel: u16,
+    /// Whether each worker and its nodes are kept on one core.
+    #[serde(default)]
+    pub pin: bool,
+    /// How long nodes may take to start (s).
+    pub start_timeout_s: f64,
+    /// Where nodes connect, if it was asked for.
+    pub endpoint: Option<String>,
+    /// The scenes, as they were asked for; none for the built-in demo set.
+    pub scenarios: Vec<String>,
+}
+
+impl Settings {
+    /// How long an answer may take.
+    #[must_use]
+    pub fn deadline(&self) -> Duration {
+        Duration::from_secs_f64(self.deadline_s)
+    }
+}
+
+impl Machine {
+    /// How long nodes may take to start.
+    #[must_use]
+    pub fn start_timeout(&self) -> Duration {
+        Duration::from_secs_f64(self.start_timeout_s)
+    }
+}
+
+impl Build {
+    /// This build.
+    #[must_use]
+    pub fn this() -> Self {
+        Self {
+            version: version::VERSION.to_owned(),
+            git_revision: version::GIT_REVISION.to_owned(),
+            wire_version: wire::WIRE_VERSION,
+        }
+    }
+}
+
+impl RunFile {
+    /// As the text of `run.toml`.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        // Plain data with text keys: TOML holds all of it.
+        toml::to_string(self).unwrap_or_default()
+    }
+
+    /// From the text of `run.toml`.
+    ///
+    /// # Errors
+    /// [`SettingsError`].
+    pub fn parse(text: &str) -> Result<Self, SettingsError> {
+        Ok(toml::from_str(text)?)
+    }
+
+    /// What recordings carry: what decides the results, but not the list of scenes.
+    #[must_use]
+    pub fn to_recorded_toml(&self) -> String {
+        #[derive(Serialize)]
+        struct Recorded<'a> {
+            settings: &'a Settings,
+            build: &'a Build,
+        }
+        toml::to_string(&Recorded { settings: &self.settings, build: &self.build }).unwrap_or_default()
+    }
+
+    /// What differs between two runs that must be one: a line each, `field: there, here`. Empty where nothing does.
+    #[must_use]
+    pub fn differences(&self, here: &Self) -> Vec<String> {
+        let mut lines = Vec::new();
+        let value = |file: &Self| {
+            let comparable = Self { scenes: Vec::new(), machine: here.machine.clone(), ..file.clone() };
+            toml::Value::try_from(comparable).unwrap_or(toml::Value::Boolean(false))
+        };
+        compare("", Some(&value(self)), Some(&value(here)), &mut lines);
+        if self.scenes != here.scenes {
+            lines.push(compare_scenes(&self.scenes, &here.scenes));
+        }
+        lines
+    }
+}
+
+fn compare(path: &str, there: Option<&toml::Value>, here: Option<&toml::Value>, lines: &mut Vec<String>) {
+    match (there, here) {
+        (Some(toml::Value::Table(there)), Some(toml::Value::Table(here))) => {
+            let extra = here.keys().filter(|key| !there.contains_key(*key));
+            for key in there.keys().chain(extra) {
+                let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+                compare(&path, there.get(key), here.get(key), lines);
+            }
+        }
+        _ if there == here => {}
+        _ => {
+            let text = |value: Option<&toml::Value>| value.map_or_else(|| "nothing".to_owned(), ToString::to_string);
+            lines.push(format!("{path}: {} there, {} here", text(there), text(here)));
+        }
+    }
+}
+
+fn compare_scenes(there: &[SceneLine], here: &[SceneLine]) -> String {
+    if there.len() != here.len() {
+        return format!("scenes: {} there, {} here", there.len(), here.len());
+    }
+    let pairs = there.iter().zip(here);
+    match pairs.filter(|(there, here)| there != here).map(|(there, here)| (&there.id, &here.id)).next() {
+        Some((there, here)) if there == here => format!("scenes: {there} has other content"),
+        Some((there, here)) => format!("scenes: {there} there, {here} here"),
+        None => "scenes".to_owned(),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A run of one scene under the usual settings.
+    pub(crate) fn run_file() -> RunFile {
+        let planner = Planner::Node(Node { name: "idm".to_owned(), reads_log: false });
+        RunFile {
+            settings: Settings {
+                driver: "idm".to_owned(),
+                deadline_s: 5.0,
+                record: Record::All,
+                planner,
+                predictor: None,
+                protocol: Protocol::default(),
+            },
+            build: Build::this(),
+            machine: Machine { parallel: 2, pin: false, start_timeout_s: 20.0, endpoint: None, scenarios: Vec::new() },
+            scenes: vec![SceneLine { id: "a".to_owned(), sha256: "00".to_owned() }],
+        }
+    }
+
+    #[test]
+    fn differences_name_the_field_and_both_values() {
+        let there = run_file();
+        let mut here = run_file();
+        here.machine.parallel = 7;
+        assert_eq!(there.differences(&here), Vec::<String>::new());
+        here.settings.deadline_s = 3.0;
+        here.settings.driver = "idm-ctrv".to_owned();
+        here.settings.predictor = Some(Node { name: "ctrv".to_owned(), reads_log: false });
+        insta::assert_debug_snapshot!(there.differences(&here), @r#"
+        [
+            "settings.deadline-s: 5.0 there, 3.0 here",
+            "settings.driver: \"idm\" there, \"idm-ctrv\" here",
+            "settings.predictor: nothing there, { name = \"ctrv\", reads-log = false } here",
+        ]
+        "#);
+        let mut other_scene = there.clone();
+        other_scene.scenes[0].sha256 = "11".to_owned();
+        assert_eq!(there.differences(&other_scene), ["scenes: a has other content"]);
+    }
+}

@@ -1,0 +1,126 @@
+//! A finished run in one line: means over its episodes.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use crate::folder::{FolderError, read_run_file};
+use crate::parquet::{ParquetError, Table};
+
+/// A folder that holds no finished run.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum SummaryError {
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    #[error(transparent)]
+    Parquet(#[from] ParquetError),
+    #[error("{} holds no run: there is no run.toml in it", .0.display())]
+    NoRun(PathBuf),
+    #[error("the run in {} is not finished\nhint: repeat the command it was begun with, and it is continued", .0.display())]
+    Unfinished(PathBuf),
+}
+
+/// An episode without a result.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Failure {
+    /// The scene.
+    pub scene: String,
+    /// `driver-failed` or `undrivable`.
+    pub reason: String,
+    /// The sentence on it.
+    pub detail: String,
+}
+
+/// A run in one line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Summary {
+    /// Its folder.
+    pub folder: PathBuf,
+    /// What tables call the driver.
+    pub driver: String,
+    /// The protocol's name.
+    pub protocol: String,
+    /// How the AV followed its plans.
+    pub motion: String,
+    /// Which settings of the protocol are not as usual.
+    pub changes: Vec<String>,
+    /// The scenes: names and hashes.
+    pub scenes: Vec<(String, String)>,
+    /// Those without a result; means are over the others.
+    pub failures: Vec<Failure>,
+    /// Recordings that are not whole: scene and what is wrong.
+    pub broken_recordings: Vec<(String, String)>,
+    /// The mean of each metric over the episodes that define it, and how many do; none where no episode does.
+    pub means: BTreeMap<String, Option<(f64, usize)>>,
+}
+
+impl Summary {
+    /// The run in `folder`.
+    ///
+    /// # Errors
+    /// [`SummaryError`] where there is none, or it is not finished.
+    pub fn read(folder: &Path) -> Result<Self, SummaryError> {
+        let file = read_run_file(folder)?.ok_or_else(|| SummaryError::NoRun(folder.to_owned()))?;
+        let results = folder.join("results.parquet");
+        if !results.exists() {
+            return Err(SummaryError::Unfinished(folder.to_owned()));
+        }
+        let table = Table::read(&results)?;
+        let scenes: Vec<_> = table.text("scene")?.into_iter().zip(table.text("scene_sha256")?).collect();
+        let failed = table.flags("failed")?;
+        let (reasons, details) = (table.text("end_reason")?, table.text("end_detail")?);
+        let failures = (0..scenes.len()).filter(|row| failed[*row]).map(|row| Failure {
+            scene: scenes[row].0.clone(),
+            reason: reasons[row].clone(),
+            detail: details[row].clone(),
+        });
+        let failures = failures.collect();
+        let errors = table.text("recording_error")?;
+        let broken = errors.into_iter().enumerate().filter(|(_, error)| !error.is_empty());
+        let broken_recordings = broken.map(|(row, error)| (scenes[row].0.clone(), error)).collect();
+        let means = table.numbers()?.into_iter().map(|(name, values)| (name, mean(&values, &failed))).collect();
+        Ok(Self {
+            folder: folder.to_owned(),
+            driver: file.settings.driver,
+            protocol: file.settings.protocol.name().to_owned(),
+            motion: file.settings.protocol.motion_name().to_owned(),
+            changes: file.settings.protocol.changes(),
+            scenes,
+            failures,
+            broken_recordings,
+            means,
+        })
+    }
+
+    /// How many episodes have a result.
+    #[must_use]
+    pub fn counted(&self) -> usize {
+        self.scenes.len() - self.failures.len()
+    }
+
+    /// The mean of a metric, and over how many episodes.
+    #[must_use]
+    pub fn mean(&self, metric: &str) -> Option<(f64, usize)> {
+        self.means.get(metric).copied().flatten()
+    }
+}
+
+/// The mean of the values that are defined, in the rows that did not fail, and how many they are.
+fn mean(values: &[Option<f64>], failed: &[bool]) -> Option<(f64, usize)> {
+    let defined = values.iter().zip(failed).filter(|(_, failed)| !**failed).filter_map(|(value, _)| *value);
+    let (sum, count) = defined.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| (sum / count as f64, count))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mean_is_over_what_is_defined_and_did_not_fail() {
+        assert_eq!(mean(&[Some(1.0), None, Some(4.0), Some(100.0)], &[false, false, false, true]), Some((2.5, 2)));
+        assert_eq!(mean(&[None, Some(1.0)], &[false, true]), None);
+    }
+}
