@@ -7,6 +7,7 @@
 //! | --- | --- |
 //! | [`geometry`] | points, poses, angles, oriented boxes, polylines, grids that find what is near |
 //! | [`scene`], [`map`], [`signal`] | one logged stretch of traffic, checked and immutable |
+//! | [`scene::bridged`] | the same with its gaps filled in and marked |
 //! | [`lane_graph`], [`map_matching`] | how lanes hang together; which one a pose is on |
 //! | [`route`], [`reference_line`] | the lanes to follow, the smooth line along them, its window at a step |
 //! | [`frenet`] | along the line and beside it |

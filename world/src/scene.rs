@@ -3,6 +3,7 @@
 //! A reader of any format fills [`SceneParts`]; [`SceneParts::check`] makes a [`Scene`] of it, or says why not. What a scene
 //! can do without is dropped and reported as a [`Finding`]; what it cannot do without is a [`SceneError`].
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
@@ -12,7 +13,11 @@ use crate::geometry::{OrientedBox, Point, Pose};
 use crate::map::{Map, MapId};
 use crate::signal::Signal;
 
+pub mod bridged;
 mod check;
+mod steps;
+
+pub use steps::Steps;
 
 /// The name of a scene: 1 to 128 of `A-Z a-z 0-9 _ . -`, not beginning with a dot; so it is a file name and a bus key as it is.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -134,12 +139,23 @@ impl AgentState {
         OrientedBox::new(self.pose(), self.length, self.width)
     }
 
-    fn is_usable(&self) -> bool {
-        let numbers = [self.x, self.y, self.z, self.heading, self.velocity_x, self.velocity_y];
-        let sizes = [self.length, self.width, self.height];
-        numbers.into_iter().all(is_in_range) && sizes.iter().all(|v| (0.0..=1e3).contains(v))
+    /// Whether place, heading and velocity are numbers to reckon with.
+    fn has_place(&self) -> bool {
+        [self.x, self.y, self.z, self.heading, self.velocity_x, self.velocity_y].into_iter().all(is_in_range)
+    }
+
+    /// Whether the size can be a size, flat boxes and points included.
+    fn has_size(&self) -> bool {
+        [self.length, self.width, self.height].into_iter().all(is_size)
     }
 }
+
+fn is_size(value: f64) -> bool {
+    (0.0..=1e3).contains(&value)
+}
+
+/// Stands for a size that is none.
+const NO_SIZE: f64 = -1.0;
 
 /// The largest number that a place, a heading, a speed or a control may have: 1e7 m is past any map, and beyond it squares of
 /// distances lose their millimetres.
@@ -201,6 +217,8 @@ pub struct Scene {
     id: SceneId,
     parts: SceneParts,
     map: Arc<Map>,
+    /// States whose place is known and whose size is not, by track and step: tracks have no state there, but somebody was.
+    without_size: BTreeMap<(usize, usize), AgentState>,
 }
 
 /// Why a scene cannot be used.
@@ -233,8 +251,8 @@ pub enum SceneError {
 pub enum Finding {
     #[error("track {track} is valid at no step")]
     EmptyTrack { track: TrackId },
-    #[error("track {track} has an unusable state at step {step} (not finite, or out of range): taken as not valid")]
-    BadState { track: TrackId, step: usize },
+    #[error("track {track} has an unusable state at {steps} (not finite, or out of range): taken as not valid")]
+    BadState { track: TrackId, steps: Steps },
     #[error("the AV is not valid at {missing} of {steps} steps, first at step {first}")]
     AvGaps { missing: usize, steps: usize, first: usize },
     #[error("lane {lane} names lane {missing}, which is not in the map: link dropped")]
@@ -251,10 +269,10 @@ pub enum Finding {
         "a signal is given for lane {lane}, which is not in the map (first at step {step}): kept, its stop point counts"
     )]
     SignalWithoutLane { lane: MapId, step: usize },
-    #[error("a signal of lane {lane} at step {step} has an unusable stop point: dropped")]
-    BadSignal { lane: MapId, step: usize },
-    #[error("two signals are given for lane {lane} at step {step}: the later one dropped")]
-    DuplicateSignal { lane: MapId, step: usize },
+    #[error("a signal of lane {lane} has an unusable stop point at {steps}: dropped")]
+    BadSignal { lane: MapId, steps: Steps },
+    #[error("two signals are given for lane {lane} at {steps}: the later one dropped")]
+    DuplicateSignal { lane: MapId, steps: Steps },
     #[error("map feature {0} has an unusable point (not finite, or out of range) or no point: dropped")]
     BadFeature(MapId),
     #[error("two map features have the id {0}: the later one dropped")]
@@ -296,6 +314,14 @@ impl Scene {
     #[must_use]
     pub fn tracks(&self) -> &[Track] {
         &self.parts.tracks
+    }
+
+    /// The state of track number `track` at `step` as it lies in the file, also where its size cannot be one: the numbers that
+    /// are none are then -1, and [`Scene::tracks`] has no state there.
+    #[must_use]
+    pub fn logged(&self, track: usize, step: usize) -> Option<&AgentState> {
+        let state = self.parts.tracks.get(track)?.states.get(step)?.as_ref();
+        state.or_else(|| self.without_size.get(&(track, step)))
     }
 
     /// Place of the AV in [`Scene::tracks`].
@@ -343,6 +369,10 @@ impl Scene {
     /// The parts again, to be changed and checked anew.
     #[must_use]
     pub fn into_parts(self) -> SceneParts {
-        SceneParts { id: self.id.0, map: Arc::unwrap_or_clone(self.map), ..self.parts }
+        let mut parts = SceneParts { id: self.id.0, map: Arc::unwrap_or_clone(self.map), ..self.parts };
+        for ((track, step), state) in self.without_size {
+            parts.tracks[track].states[step] = Some(state);
+        }
+        parts
     }
 }

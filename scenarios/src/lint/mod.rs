@@ -5,7 +5,6 @@
 
 mod av;
 mod log;
-mod steps;
 #[cfg(test)]
 mod tests;
 
@@ -14,7 +13,7 @@ use world::map::MapId;
 use world::route::RouteError;
 use world::scene::{Finding, Scene, TrackId};
 
-pub use steps::Steps;
+pub use world::scene::Steps;
 
 /// How much a finding matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -22,7 +22,7 @@ pub fn write(scene: &Scene) -> Vec<u8> {
 pub fn message(scene: &Scene) -> Scenario {
     Scenario {
         timestamps_seconds: scene.timestamps().to_vec(),
-        tracks: scene.tracks().iter().map(track).collect(),
+        tracks: (0..scene.tracks().len()).map(|index| track(scene, index)).collect(),
         objects_of_interest: scene.objects_of_interest().iter().map(|id| id.0).collect(),
         scenario_id: scene.id().to_string(),
         sdc_track_index: number(scene.av_index()),
@@ -40,12 +40,10 @@ pub fn message(scene: &Scene) -> Scenario {
     }
 }
 
-fn track(track: &Track) -> message::Track {
-    message::Track {
-        id: track.id.0,
-        object_type: track.kind.number(),
-        states: track.states.iter().map(|state| state.as_ref().map(object_state).unwrap_or_default()).collect(),
-    }
+fn track(scene: &Scene, index: usize) -> message::Track {
+    let Track { id, kind, .. } = scene.tracks()[index];
+    let state = |step| scene.logged(index, step).map(object_state).unwrap_or_default();
+    message::Track { id: id.0, object_type: kind.number(), states: (0..scene.steps()).map(state).collect() }
 }
 
 #[allow(clippy::cast_possible_truncation, reason = "the format's sizes, headings and velocities are 32 bit")]

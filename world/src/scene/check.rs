@@ -3,7 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::{Finding, Scene, SceneError, SceneId, SceneParts, TrackId, is_in_range};
+use super::{
+    AgentState, Finding, NO_SIZE, Scene, SceneError, SceneId, SceneParts, Steps, TrackId, is_in_range, is_size,
+};
 use crate::geometry::Point3;
 use crate::map::{Lane, MapId};
 
@@ -16,12 +18,12 @@ impl SceneParts {
         let id = SceneId::new(std::mem::take(&mut self.id))?;
         let mut findings = Vec::new();
         self.check_time(&mut findings)?;
-        self.check_tracks(&mut findings)?;
+        let without_size = self.check_tracks(&mut findings)?;
         self.check_map(&mut findings);
         self.check_signals(&mut findings)?;
         self.check_tasks(&mut findings);
         let map = Arc::new(std::mem::take(&mut self.map));
-        Ok((Scene { id, parts: self, map }, findings))
+        Ok((Scene { id, parts: self, map, without_size }, findings))
     }
 
     fn check_time(&mut self, findings: &mut Vec<Finding>) -> Result<(), SceneError> {
@@ -41,7 +43,11 @@ impl SceneParts {
         Ok(())
     }
 
-    fn check_tracks(&mut self, findings: &mut Vec<Finding>) -> Result<(), SceneError> {
+    /// Answers the states that have a place but no size.
+    fn check_tracks(
+        &mut self,
+        findings: &mut Vec<Finding>,
+    ) -> Result<BTreeMap<(usize, usize), AgentState>, SceneError> {
         let steps = self.timestamps.len();
         if self.tracks.is_empty() {
             return Err(SceneError::NoTracks);
@@ -49,21 +55,30 @@ impl SceneParts {
         if self.av_index >= self.tracks.len() {
             return Err(SceneError::AvIndex { index: self.av_index as i64, tracks: self.tracks.len() });
         }
-        let mut seen = BTreeSet::new();
-        for track in &mut self.tracks {
+        let (mut seen, mut without_size) = (BTreeSet::new(), BTreeMap::new());
+        for (index, track) in self.tracks.iter_mut().enumerate() {
             if !seen.insert(track.id) {
                 return Err(SceneError::DuplicateTrack(track.id));
             }
             if track.states.len() != steps {
                 return Err(SceneError::TrackLength { track: track.id, states: track.states.len(), steps });
             }
-            for (step, state) in track.states.iter_mut().enumerate() {
-                if state.is_some_and(|state| !state.is_usable()) {
-                    findings.push(Finding::BadState { track: track.id, step });
-                    *state = None;
+            let mut bad = Steps::default();
+            for (step, slot) in track.states.iter_mut().enumerate() {
+                let Some(mut state) = slot.take_if(|state| !state.has_place() || !state.has_size()) else { continue };
+                if state.has_place() {
+                    let sizes = [&mut state.length, &mut state.width, &mut state.height];
+                    sizes.into_iter().filter(|size| !is_size(**size)).for_each(|size| *size = NO_SIZE);
+                    without_size.insert((index, step), state);
+                } else {
+                    bad.push(step);
                 }
             }
-            if track.states.iter().all(Option::is_none) {
+            if !bad.is_empty() {
+                findings.push(Finding::BadState { track: track.id, steps: bad });
+            }
+            let nowhere = track.states.iter().all(Option::is_none);
+            if nowhere && without_size.range((index, 0)..(index + 1, 0)).next().is_none() {
                 findings.push(Finding::EmptyTrack { track: track.id });
             }
         }
@@ -75,7 +90,7 @@ impl SceneParts {
         if let Some(first) = av.states.iter().position(Option::is_none) {
             findings.push(Finding::AvGaps { missing, steps, first });
         }
-        Ok(())
+        Ok(without_size)
     }
 
     fn check_map(&mut self, findings: &mut Vec<Finding>) {
@@ -129,27 +144,29 @@ impl SceneParts {
             return Err(SceneError::SignalLength { signals: self.signals.len(), steps });
         }
         let lanes: BTreeSet<MapId> = self.map.lanes.iter().map(|lane| lane.id).collect();
-        let (mut reported, mut seen) = (BTreeSet::new(), BTreeSet::new());
+        let mut unknown_lanes = BTreeSet::new();
+        let (mut bad, mut repeated) = (BTreeMap::<MapId, Steps>::new(), BTreeMap::<MapId, Steps>::new());
         for (step, signals) in self.signals.iter_mut().enumerate() {
+            let mut seen = BTreeSet::new();
             signals.retain(|signal| {
                 let point = signal.stop_point;
                 let usable = [point.x, point.y, point.z].into_iter().all(is_in_range);
+                let first = usable && seen.insert(signal.lane);
                 if !usable {
-                    findings.push(Finding::BadSignal { lane: signal.lane, step });
-                    return false;
-                }
-                let first = seen.insert((step, signal.lane));
-                if !first {
-                    findings.push(Finding::DuplicateSignal { lane: signal.lane, step });
+                    bad.entry(signal.lane).or_default().push(step);
+                } else if !first {
+                    repeated.entry(signal.lane).or_default().push(step);
                 }
                 first
             });
             for signal in signals.iter().filter(|signal| !lanes.contains(&signal.lane)) {
-                if reported.insert(signal.lane) {
+                if unknown_lanes.insert(signal.lane) {
                     findings.push(Finding::SignalWithoutLane { lane: signal.lane, step });
                 }
             }
         }
+        findings.extend(bad.into_iter().map(|(lane, steps)| Finding::BadSignal { lane, steps }));
+        findings.extend(repeated.into_iter().map(|(lane, steps)| Finding::DuplicateSignal { lane, steps }));
         Ok(())
     }
 

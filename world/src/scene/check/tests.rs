@@ -104,14 +104,23 @@ fn a_state_that_cannot_be_is_taken_as_not_valid() {
         AgentState { x: f64::NAN, ..AgentState::default() },
         AgentState { velocity_y: f64::INFINITY, ..AgentState::default() },
         AgentState { z: 2e7, ..AgentState::default() },
-        AgentState { length: -1.0, ..AgentState::default() },
-        AgentState { width: f64::NAN, ..AgentState::default() },
     ];
     for state in bad {
         let (scene, found) = finding(|parts| parts.tracks[0].states[2] = Some(state));
-        assert_eq!(found, Finding::BadState { track: TrackId(5), step: 2 });
+        assert_eq!(found, Finding::BadState { track: TrackId(5), steps: [2].into_iter().collect() });
         assert_eq!(scene.tracks()[0].states[2], None);
     }
+}
+
+#[test]
+fn a_state_without_a_size_is_kept_apart_and_comes_back() {
+    let spoilt = |state: &mut AgentState| (state.length, state.width) = (-3.0, f64::NAN);
+    let (scene, findings) = changed(|parts| parts.tracks[0].states[2].iter_mut().for_each(spoilt)).unwrap();
+    assert_eq!((findings.len(), scene.tracks()[0].states[2]), (0, None));
+    let logged = *scene.logged(0, 2).unwrap();
+    assert_eq!((logged.length, logged.width, logged.height), (-1.0, -1.0, 0.0));
+    assert_eq!(scene.clone().into_parts().tracks[0].states[2], Some(logged));
+    assert_eq!(scene.clone().into_parts().check().unwrap().0, scene);
 }
 
 #[test]
@@ -189,7 +198,7 @@ fn signals_of_lanes_that_are_not_there_are_kept_and_reported_once() {
 fn a_signal_without_a_place_is_dropped() {
     let nowhere = Signal { stop_point: Point3::new(f64::NAN, 0.0, 0.0), ..signal(1) };
     let (scene, found) = finding(|parts| parts.signals = vec![vec![nowhere], vec![], vec![], vec![]]);
-    assert_eq!(found, Finding::BadSignal { lane: MapId(1), step: 0 });
+    assert_eq!(found, Finding::BadSignal { lane: MapId(1), steps: [0].into_iter().collect() });
     assert!(scene.signals(0).is_empty());
 }
 
@@ -197,7 +206,7 @@ fn a_signal_without_a_place_is_dropped() {
 fn of_two_signals_of_a_lane_the_first_counts() {
     let red = Signal { state: SignalState::Stop, ..signal(1) };
     let (scene, found) = finding(|parts| parts.signals = vec![vec![], vec![red, signal(1)], vec![], vec![]]);
-    assert_eq!(found, Finding::DuplicateSignal { lane: MapId(1), step: 1 });
+    assert_eq!(found, Finding::DuplicateSignal { lane: MapId(1), steps: [1].into_iter().collect() });
     assert_eq!(scene.signals(1), [red]);
 }
 

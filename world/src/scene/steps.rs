@@ -11,7 +11,7 @@ const SHOWN_RUNS: usize = 6;
 
 impl Steps {
     /// Adds a step; they come in ascending order.
-    pub(super) fn push(&mut self, step: usize) {
+    pub fn push(&mut self, step: usize) {
         match self.0.last_mut() {
             Some((_, last)) if *last + 1 >= step => *last = step,
             _ => self.0.push((step, step)),
@@ -24,10 +24,30 @@ impl Steps {
         self.0.is_empty()
     }
 
+    /// How many there are.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.0.iter().map(|(first, last)| last + 1 - first).sum()
+    }
+
+    /// The first, if there is one.
+    #[must_use]
+    pub fn first(&self) -> Option<usize> {
+        self.0.first().map(|(first, _)| *first)
+    }
+
     /// Whether `step` is among them.
     #[must_use]
     pub fn contains(&self, step: usize) -> bool {
         self.0.iter().any(|(first, last)| (*first..=*last).contains(&step))
+    }
+}
+
+impl FromIterator<usize> for Steps {
+    fn from_iter<I: IntoIterator<Item = usize>>(steps: I) -> Self {
+        let mut all = Self::default();
+        steps.into_iter().for_each(|step| all.push(step));
+        all
     }
 }
 
@@ -51,9 +71,7 @@ mod tests {
     use super::*;
 
     fn steps(all: &[usize]) -> String {
-        let mut steps = Steps::default();
-        all.iter().for_each(|step| steps.push(*step));
-        steps.to_string()
+        all.iter().copied().collect::<Steps>().to_string()
     }
 
     #[test]
