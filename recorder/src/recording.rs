@@ -4,12 +4,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use thiserror::Error;
+use wire::digest::Digest;
 use wire::keys::Channel;
 use wire::proto;
 use world::scene::SceneId;
 
 use crate::mcap::EpisodeWriter;
-use crate::message::Message;
+use crate::message::{Body, Message};
 use crate::partial_file::{FileError, PartialFile};
 use crate::rrd::{Drawing, RrdError};
 use crate::sequence::{Counts, Sequence, SequenceError};
@@ -63,6 +64,9 @@ pub enum RecordingError {
         /// As many as there were.
         expected: u32,
     },
+    /// All came that is counted, but something else than what was told.
+    #[error("not what was told: the digest of what arrived is another")]
+    OtherDigest,
     /// No scene or no end came.
     #[error("not whole: no {0} arrived")]
     Missing(&'static str),
@@ -74,6 +78,10 @@ pub struct Recording {
     run: Arc<RunSettings>,
     sequence: Sequence,
     files: Option<Files>,
+    /// Of what is written.
+    digest: Digest,
+    /// Whether the end came, and found the digest that it tells.
+    as_told: bool,
     /// The first failure; nothing is written after it.
     failure: Option<RecordingError>,
     /// The end came: from here on the simulator waits for the answer, and not before.
@@ -140,7 +148,7 @@ impl Recording {
     #[must_use]
     pub fn new(scene: SceneId, run: Arc<RunSettings>) -> Self {
         let sequence = Sequence::new(run.predictor);
-        Self { scene, run, sequence, files: None, failure: None, ended: false }
+        Self { scene, run, sequence, files: None, digest: Digest::default(), as_told: false, failure: None, ended: false }
     }
 
     /// Takes a message, and writes what is in order now.
@@ -162,6 +170,10 @@ impl Recording {
                 Some(files) => files,
                 None => self.files.insert(Files::create(&self.scene, &self.run)?),
             };
+            if let Body::End(end) = &message.body {
+                self.as_told = end.digest == self.digest.to_bytes();
+            }
+            self.digest.add(message.channel(), &message.payload);
             files.write(&message)?;
         }
         Ok(())
@@ -197,6 +209,7 @@ impl Recording {
             predictions: counts.predictions,
             records: counts.records,
             events: counts.events,
+            digest: self.digest.to_bytes(),
             error: result.err().map_or_else(String::new, |error| error.to_string()),
         }
     }
@@ -210,6 +223,7 @@ impl Recording {
         let verdict = end.and_then(|end| match counts.first_difference(&end) {
             // The counts do not tell: a recorder that comes late may have missed the scene alone.
             None if !has_scene => Err(RecordingError::Missing("scene")),
+            None if !self.as_told => Err(RecordingError::OtherDigest),
             None => Ok(()),
             Some((what, arrived, expected)) => Err(RecordingError::NotWhole { what, arrived, expected }),
         });

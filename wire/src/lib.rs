@@ -7,6 +7,7 @@
 //! | [`proto`] | the messages as prost makes them of `proto/reloop.proto` |
 //! | [`convert`] | between messages and the world's types; checks what comes from outside |
 //! | [`cores`] | which cores those who talk to each other run on |
+//! | [`digest`] | whether a recording holds what was told |
 //! | [`keys`] | every key of the bus |
 //! | [`session`] | bus sessions: the simulator's router, the nodes' clients |
 //! | [`hub`] | the simulator's side: barrier, watch over nodes, a line for each episode |
@@ -14,6 +15,7 @@
 
 pub mod convert;
 pub mod cores;
+pub mod digest;
 #[doc(hidden)]
 pub mod fuzzing;
 pub mod hub;

@@ -8,7 +8,7 @@ use std::time::Duration;
 use prost::Message as _;
 use recorder::export::export;
 use recorder::mcap::read;
-use recorder::message::Message;
+use recorder::message::{Body, Message};
 use wire::hub::{Hub, Wanted};
 use wire::keys::{self, Address, Channel, Role, RunName, Worker, Workers};
 use wire::{proto, session};
@@ -93,7 +93,7 @@ fn episodes_of_all_workers_are_recorded_and_answered() {
     stage.say(0, "a", &first[10..]);
     let mut answers: Vec<_> = (0..2).map(|_| stage.answers.recv_timeout(TIMEOUT).unwrap()).collect();
     answers.sort_by(|a, b| a.scene.cmp(&b.scene));
-    for (answer, scene) in answers.iter().zip(["a", "b"]) {
+    for (answer, (scene, episode)) in answers.iter().zip([("a", &first), ("b", &second)]) {
         let expected = proto::Recorded {
             scene: scene.to_owned(),
             observations: 5,
@@ -102,6 +102,7 @@ fn episodes_of_all_workers_are_recorded_and_answered() {
             records: 5,
             events: 2,
             error: String::new(),
+            digest: synthetic::digest(episode).to_bytes(),
         };
         assert_eq!(*answer, expected);
     }
@@ -125,6 +126,20 @@ fn a_message_that_never_comes_is_named_and_the_file_stays_partial() {
     stage.say(0, "a", &episode);
     let answer = stage.answers.recv_timeout(TIMEOUT).unwrap();
     assert_eq!(answer.error, "not whole: plans 4 of 5 arrived");
+    assert_eq!(names(folder.path()), ["a.mcap.partial", "a.rrd.partial"]);
+}
+
+#[test]
+fn what_somebody_else_said_in_the_simulator_s_place_is_noticed() {
+    let folder = tempfile::tempdir().unwrap();
+    let stage = Stage::set(folder.path());
+    let mut episode = synthetic::episode("a", SMALL);
+    let record = episode.iter_mut().find(|message| message.channel() == Channel::Record).unwrap();
+    let Body::Record(told) = &record.body else { unreachable!() };
+    *record = Message::encode(Body::Record(Box::new(proto::StepRecord { at_fault_collision: true, ..**told })));
+    stage.say(0, "a", &episode);
+    let answer = stage.answers.recv_timeout(TIMEOUT).unwrap();
+    assert_eq!(answer.error, "not what was told: the digest of what arrived is another");
     assert_eq!(names(folder.path()), ["a.mcap.partial", "a.rrd.partial"]);
 }
 

@@ -3,6 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use recorder::message::{Body, Message};
+use wire::digest::Digest;
 use wire::proto;
 use wire::proto::{AgentKind, SignalState};
 
@@ -44,7 +45,8 @@ pub fn episode(scene: &str, size: Size) -> Vec<Message> {
             events += 2;
         }
     }
-    messages.push(Body::End(proto::EpisodeEnd {
+    let mut messages: Vec<Message> = messages.into_iter().map(Message::encode).collect();
+    let end = proto::EpisodeEnd {
         scene: scene.to_owned(),
         protocol: "strict".to_owned(),
         reason: proto::EndReason::Horizon.into(),
@@ -59,8 +61,17 @@ pub fn episode(scene: &str, size: Size) -> Vec<Message> {
         predictions: if size.futures > 0 { size.steps } else { 0 },
         records: size.steps,
         events,
-    }));
-    messages.into_iter().map(Message::encode).collect()
+        digest: digest(&messages).to_bytes(),
+    };
+    messages.push(Message::encode(Body::End(end)));
+    messages
+}
+
+/// What simulator and recorder compare.
+pub fn digest(messages: &[Message]) -> Digest {
+    let mut digest = Digest::default();
+    messages.iter().for_each(|message| digest.add(message.channel(), &message.payload));
+    digest
 }
 
 fn scene(name: &str, size: Size) -> proto::Scene {

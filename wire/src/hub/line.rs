@@ -16,6 +16,7 @@ use zenoh::pubsub::Publisher;
 
 use super::{Shared, lock};
 use crate::convert::{Message, MessageError, decode};
+use crate::digest::Digest;
 use crate::keys::{Address, Channel, Role, Worker};
 use crate::proto;
 use crate::session::{self, SessionError};
@@ -62,6 +63,9 @@ pub enum LineError {
         /// As many as are in the recording.
         recorded: u32,
     },
+    /// The recording has as many messages as there were, but not those.
+    #[error("the recording does not hold what was told: its digest is another")]
+    OtherDigest,
     /// The recorder could not write.
     #[error("the recorder failed: {0}")]
     NotRecorded(String),
@@ -118,6 +122,7 @@ pub struct EpisodeLine {
     observations: Publisher<'static>,
     /// What was told.
     counts: proto::Recorded,
+    digest: Digest,
 }
 
 impl EpisodeLine {
@@ -147,6 +152,7 @@ impl EpisodeLine {
             incoming,
             observations,
             counts: proto::Recorded::default(),
+            digest: Digest::default(),
         })
     }
 
@@ -154,7 +160,7 @@ impl EpisodeLine {
     ///
     /// # Errors
     /// [`LineError::Bus`].
-    pub fn announce(&self, briefing: &Briefing) -> Result<(), LineError> {
+    pub fn announce(&mut self, briefing: &Briefing) -> Result<(), LineError> {
         let payload = ZBytes::from(proto::Scene::from(briefing).encode_to_vec());
         lock(&self.shared.documents).insert(self.address(Channel::Scene).key(&self.shared.run), payload.clone());
         self.tell_nodes(Channel::Scene, payload)
@@ -228,7 +234,7 @@ impl EpisodeLine {
         self.tell(vec![(Channel::Event, event.encode_to_vec().into())]);
     }
 
-    /// Tells how the episode ended, and how many messages of each kind there were. Gives back what was told.
+    /// Tells how the episode ended, how many messages of each kind there were, and their digest. Gives back what was told.
     ///
     /// # Errors
     /// [`LineError::Bus`].
@@ -238,6 +244,7 @@ impl EpisodeLine {
         end.predictions = self.counts.predictions;
         end.records = self.counts.records;
         end.events = self.counts.events;
+        end.digest = self.digest.to_bytes();
         self.tell_nodes(Channel::End, end.encode_to_vec().into())?;
         Ok(end)
     }
@@ -254,8 +261,27 @@ impl EpisodeLine {
                 return Err(LineError::NodeLost { role: Role::Recorder });
             }
             if let Incoming::Answer(Channel::Recorded, bytes) = self.receive(until, deadline, Role::Recorder)? {
-                return compare(&self.counts, &taken(Role::Recorder, &bytes)?);
+                return self.compare(&taken(Role::Recorder, &bytes)?);
             }
+        }
+    }
+
+    fn compare(&self, recorded: &proto::Recorded) -> Result<(), LineError> {
+        if !recorded.error.is_empty() {
+            return Err(LineError::NotRecorded(recorded.error.clone()));
+        }
+        let told = &self.counts;
+        let counts = [
+            ("observations", told.observations, recorded.observations),
+            ("plans", told.plans, recorded.plans),
+            ("predictions", told.predictions, recorded.predictions),
+            ("records", told.records, recorded.records),
+            ("events", told.events, recorded.events),
+        ];
+        match counts.into_iter().find(|(_, sent, arrived)| sent != arrived) {
+            None if recorded.digest != self.digest.to_bytes() => Err(LineError::OtherDigest),
+            None => Ok(()),
+            Some((what, sent, recorded)) => Err(LineError::NotWhole { what, sent, recorded }),
         }
     }
 
@@ -278,7 +304,7 @@ impl EpisodeLine {
     }
 
     /// Tells the nodes, and everybody who listens in.
-    fn tell_nodes(&self, channel: Channel, payload: ZBytes) -> Result<(), LineError> {
+    fn tell_nodes(&mut self, channel: Channel, payload: ZBytes) -> Result<(), LineError> {
         self.send(channel, payload.clone())?;
         self.tell(vec![(channel, payload)]);
         Ok(())
@@ -289,7 +315,8 @@ impl EpisodeLine {
     }
 
     /// Tells everybody who listens in.
-    fn tell(&self, messages: Vec<(Channel, ZBytes)>) {
+    fn tell(&mut self, messages: Vec<(Channel, ZBytes)>) {
+        messages.iter().for_each(|(channel, payload)| self.digest.add(*channel, &payload.to_bytes()));
         let keyed =
             messages.into_iter().map(|(channel, payload)| (self.address(channel).tape_key(&self.shared.run), payload));
         self.shared.tape.push(keyed.collect());
@@ -315,21 +342,4 @@ impl LineError {
 
 fn taken<P: Message>(role: Role, bytes: &ZBytes) -> Result<P, LineError> {
     decode(&bytes.to_bytes()).map_err(LineError::bad(role))
-}
-
-fn compare(told: &proto::Recorded, recorded: &proto::Recorded) -> Result<(), LineError> {
-    if !recorded.error.is_empty() {
-        return Err(LineError::NotRecorded(recorded.error.clone()));
-    }
-    let counts = [
-        ("observations", told.observations, recorded.observations),
-        ("plans", told.plans, recorded.plans),
-        ("predictions", told.predictions, recorded.predictions),
-        ("records", told.records, recorded.records),
-        ("events", told.events, recorded.events),
-    ];
-    match counts.into_iter().find(|(_, sent, arrived)| sent != arrived) {
-        None => Ok(()),
-        Some((what, sent, recorded)) => Err(LineError::NotWhole { what, sent, recorded }),
-    }
 }

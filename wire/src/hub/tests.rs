@@ -11,6 +11,7 @@ use zenoh::Wait;
 
 use super::*;
 use crate::convert::MessageError;
+use crate::digest::Digest;
 use crate::node::desk::tests::{briefing, observation};
 use crate::node::{
     Options, Planner, PlannerFactory, Predictor, PredictorFactory, StepInput, Stop, serve_planner, serve_predictor,
@@ -95,7 +96,7 @@ fn wait(hub: &Hub, role: Role) {
 }
 
 fn line(hub: &Hub, expects_prediction: bool) -> EpisodeLine {
-    let line = hub.episode(&Worker::numbered(0), &SceneId::new("s").unwrap(), expects_prediction).unwrap();
+    let mut line = hub.episode(&Worker::numbered(0), &SceneId::new("s").unwrap(), expects_prediction).unwrap();
     line.announce(&briefing()).unwrap();
     line
 }
@@ -311,15 +312,27 @@ fn a_recording_is_compared_with_what_was_sent() {
     wait(&hub, Role::Recorder);
     let mut line = line(&hub, false);
     line.publish_record(&Default::default());
-    line.publish_end(Default::default()).unwrap();
+    let end = line.publish_end(Default::default()).unwrap();
     let key = Address { worker: Worker::numbered(0), scene: SceneId::new("s").unwrap(), channel: Channel::Recorded }
         .key(hub.run());
-    let recorded = |records| proto::Recorded { records, ..Default::default() }.encode_to_vec();
-    session::send(&session, &key, recorded(1)).unwrap();
-    line.await_recorded(DEADLINE).unwrap();
-    session::send(&session, &key, recorded(0)).unwrap();
-    let error = line.await_recorded(DEADLINE).unwrap_err().to_string();
-    assert_eq!(error, "the recording is not whole: records 1 sent, 0 recorded");
+    // As a recorder finds it, in whatever order.
+    let mut digest = Digest::default();
+    digest.add(Channel::Record, &[]);
+    digest.add(Channel::Scene, &proto::Scene::from(&briefing()).encode_to_vec());
+    assert_eq!(end.digest, digest.to_bytes());
+    digest.add(Channel::End, &end.encode_to_vec());
+    let recorded = proto::Recorded { records: 1, digest: digest.to_bytes(), ..Default::default() };
+    let mut answered = |recorded: proto::Recorded| {
+        session::send(&session, &key, recorded.encode_to_vec()).unwrap();
+        line.await_recorded(DEADLINE).map_err(|error| error.to_string())
+    };
+    assert_eq!(answered(recorded.clone()), Ok(()));
+    let error = answered(proto::Recorded { records: 0, ..recorded.clone() });
+    assert_eq!(error, Err("the recording is not whole: records 1 sent, 0 recorded".to_owned()));
+    let other = Err("the recording does not hold what was told: its digest is another".to_owned());
+    digest.add(Channel::Plan, &[]);
+    assert_eq!(answered(proto::Recorded { digest: digest.to_bytes(), ..recorded.clone() }), other);
+    assert_eq!(answered(proto::Recorded { digest: Vec::new(), ..recorded }), other);
 }
 
 #[test]
