@@ -148,7 +148,16 @@ impl Recording {
     #[must_use]
     pub fn new(scene: SceneId, run: Arc<RunSettings>) -> Self {
         let sequence = Sequence::new(run.predictor);
-        Self { scene, run, sequence, files: None, digest: Digest::default(), as_told: false, failure: None, ended: false }
+        Self {
+            scene,
+            run,
+            sequence,
+            files: None,
+            digest: Digest::default(),
+            as_told: false,
+            failure: None,
+            ended: false,
+        }
     }
 
     /// Takes a message, and writes what is in order now.

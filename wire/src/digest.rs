@@ -49,7 +49,9 @@ mod tests {
         let digest = of(&messages);
         let [a, b, c] = messages;
         assert_eq!(of(&[c, a, b]), digest);
-        for others in [&[a, b][..], &[a, b, c, c], &[a, b, b], &[a, (Channel::Event, b"b"), c], &[a, b, (Channel::Plan, b"\0")]] {
+        for others in
+            [&[a, b][..], &[a, b, c, c], &[a, b, b], &[a, (Channel::Event, b"b"), c], &[a, b, (Channel::Plan, b"\0")]]
+        {
             assert_ne!(of(others), digest);
         }
         assert_eq!(Digest::default().to_bytes(), [0; 32]);
@@ -58,10 +60,12 @@ mod tests {
     #[test]
     fn it_is_what_the_protocol_says() {
         // In Python: hashlib.sha256(b"plan\0b").digest()
-        let hex: String = of(&[(Channel::Plan, &b"b"[..])]).to_bytes().iter().map(|byte| format!("{byte:02x}")).collect();
+        let hex: String =
+            of(&[(Channel::Plan, &b"b"[..])]).to_bytes().iter().map(|byte| format!("{byte:02x}")).collect();
         assert_eq!(hex, "27711d213a31bd08a9fcb5d05dc58556efb0efd8cdfb6934d5e04b35df6f3097");
         // And three times: (3 * int.from_bytes(.., "little")) % 2**256
-        let hex: String = of(&[(Channel::Plan, &b"b"[..]); 3]).to_bytes().iter().map(|byte| format!("{byte:02x}")).collect();
+        let hex: String =
+            of(&[(Channel::Plan, &b"b"[..]); 3]).to_bytes().iter().map(|byte| format!("{byte:02x}")).collect();
         assert_eq!(hex, "75535863ae93371afbf5217219509103ce12cf8a69f33d9d7fa2e39f9d4f91c5");
     }
 }
