@@ -107,7 +107,7 @@ fn hub() -> Hub {
 }
 
 fn open(hub: &Hub) -> EpisodeLine {
-    let line = hub.episode(&Worker::numbered(0), &SceneId::new("straight").unwrap(), false).unwrap();
+    let mut line = hub.episode(&Worker::numbered(0), &SceneId::new("straight").unwrap(), false).unwrap();
     line.announce(&briefing()).unwrap();
     line
 }
