@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::geometry::Point3;
+use crate::geometry::{Point, Point3, polygon_contains};
 
 /// Metres a second in a mile an hour.
 pub const METERS_PER_SECOND_PER_MPH: f64 = 0.44704;
@@ -177,6 +177,14 @@ pub struct Area {
     pub polygon: Vec<Point3>,
 }
 
+impl Area {
+    /// Whether `point` lies in it, seen from above.
+    #[must_use]
+    pub fn contains(&self, point: Point) -> bool {
+        polygon_contains(self.polygon.iter().map(|corner| corner.xy()), point)
+    }
+}
+
 /// The static map of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Map {
@@ -192,7 +200,7 @@ pub struct Map {
     pub crosswalks: Vec<Area>,
     /// Speed bumps.
     pub speed_bumps: Vec<Area>,
-    /// Driveways.
+    /// Driveways: to be driven on, though they lie beyond a road edge.
     pub driveways: Vec<Area>,
 }
 

@@ -16,8 +16,10 @@ use crate::signal::Signal;
 pub mod bridged;
 mod check;
 mod steps;
+mod unjudged;
 
 pub use steps::Steps;
+pub use unjudged::{Judgement, Unjudged};
 
 /// The name of a scene: 1 to 128 of `A-Z a-z 0-9 _ . -`, not beginning with a dot; so it is a file name and a bus key as it is.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

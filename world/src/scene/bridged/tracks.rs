@@ -52,8 +52,8 @@ pub(super) fn bridge(states: &mut [Option<AgentState>], before: usize, after: us
         return false;
     }
     let way = Way::between(&from, &to, steps as f64 * STEP_SECONDS);
-    for step in before + 1..after {
-        states[step] = Some(way.at((step - before) as f64 / steps as f64));
+    for (index, state) in states[before + 1..after].iter_mut().enumerate() {
+        *state = Some(way.at((index + 1) as f64 / steps as f64));
     }
     true
 }
