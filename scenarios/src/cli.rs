@@ -29,7 +29,7 @@ pub enum Command {
 /// Where scenes are taken from.
 #[derive(Debug, Args)]
 pub struct Inputs {
-    /// WOMD TFRecord files, folders or globs of them, scene-set TOML files, or the word demo
+    /// WOMD TFRecord files (packed with gzip or zlib or not), folders or globs of them, scene-set TOML files, or the word demo
     #[arg(value_name = "PATH", default_value = "demo")]
     pub paths: Vec<String>,
 

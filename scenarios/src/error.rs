@@ -1,27 +1,40 @@
 //! What can go wrong with scene sets. Every error says what to do next by its `hint`.
 
+use std::fmt;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 use world::scene::SceneId;
 
-use crate::source::Source;
-use crate::tfrecord::{FrameError, FrameProblem, StreamError};
+use crate::content::Content;
+use crate::source::{Place, Source};
+use crate::tfrecord::{FrameError, FrameProblem, PackedError, Packing, StreamError};
 use crate::womd::WomdError;
 
 /// A record that gives no scene: which, and why.
 #[derive(Debug, Error)]
-#[error("{}: record {record} at byte {offset}: {problem}", path.display())]
+#[error("{}: record {record} at {}: {problem}", path.display(), Byte(*offset, *packing))]
 pub struct RecordError {
     /// The file.
     pub path: PathBuf,
     /// The record's number in it, from 0.
     pub record: u64,
-    /// Where the record begins in it.
+    /// Where the record begins in it, or in what it unpacks to.
     pub offset: u64,
+    /// How the file is packed, if it is.
+    pub packing: Option<Packing>,
     /// What is wrong.
     pub problem: RecordProblem,
+}
+
+/// A place in a file, or in what it unpacks to.
+struct Byte(u64, Option<Packing>);
+
+impl fmt::Display for Byte {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "byte {}{}", self.0, if self.1.is_some() { " unpacked" } else { "" })
+    }
 }
 
 /// What is wrong with a record.
@@ -33,6 +46,12 @@ pub enum RecordProblem {
     /// Its frame is wrong.
     #[error("{0}")]
     Frame(FrameProblem),
+    /// The stream that the file is packed in is wrong.
+    #[error("{0}")]
+    Packed(PackedError),
+    /// The file is something else.
+    #[error("the file is {0}, not a TFRecord")]
+    Foreign(Content),
     /// Its content is wrong.
     #[error("{0}")]
     Womd(WomdError),
@@ -41,16 +60,43 @@ pub enum RecordProblem {
     Changed,
 }
 
+impl RecordProblem {
+    /// What went wrong in reading: the stream that the file is packed in, or the reading itself.
+    pub(crate) fn io(error: io::Error) -> Self {
+        match error.get_ref().and_then(|error| error.downcast_ref::<PackedError>()) {
+            Some(packed) => Self::Packed(*packed),
+            None => Self::Io(error),
+        }
+    }
+}
+
 impl RecordError {
-    pub(crate) fn stream(path: impl Into<PathBuf>, error: StreamError) -> Self {
-        let path = path.into();
-        match error {
-            StreamError::Io { record, offset, source } => {
-                Self { path, record, offset, problem: RecordProblem::Io(source) }
-            }
+    pub(crate) fn at(place: &Place, problem: RecordProblem) -> Self {
+        let packing = place.packed.as_ref().map(|restart| restart.packing());
+        Self { path: place.path.to_path_buf(), record: place.record, offset: place.offset, packing, problem }
+    }
+
+    pub(crate) fn stream(path: &Path, packing: Option<Packing>, error: StreamError) -> Self {
+        let (record, offset, problem) = match error {
+            StreamError::Io { record, offset, source } => (record, offset, RecordProblem::io(source)),
             StreamError::Frame(FrameError { record, offset, problem }) => {
-                Self { path, record, offset, problem: RecordProblem::Frame(problem) }
+                let other =
+                    matches!(problem, FrameProblem::HeaderChecksum { .. } | FrameProblem::TruncatedHeader { .. });
+                match packing.filter(|_| offset == 0 && other) {
+                    Some(packing) => (record, offset, RecordProblem::Foreign(Content::Packed(packing))),
+                    None => (record, offset, RecordProblem::Frame(problem)),
+                }
             }
+        };
+        Self { path: path.into(), record, offset, packing, problem }
+    }
+
+    /// The scene that the record would be, where it tells.
+    #[must_use]
+    pub fn scene(&self) -> Option<&SceneId> {
+        match &self.problem {
+            RecordProblem::Womd(WomdError::LaserOnly { id }) => Some(id),
+            _ => None,
         }
     }
 
@@ -60,6 +106,8 @@ impl RecordError {
         match &self.problem {
             RecordProblem::Io(_) => "see that the file can be read and its disk is sound",
             RecordProblem::Frame(problem) => problem.hint(),
+            RecordProblem::Packed(error) => error.problem.hint(),
+            RecordProblem::Foreign(content) => content.hint(),
             RecordProblem::Womd(problem) => problem.hint(),
             RecordProblem::Changed => "leave scene files alone while they are being driven",
         }
@@ -72,18 +120,24 @@ impl RecordError {
 pub enum SetError {
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: io::Error },
+    #[error("there is no {}", path.display())]
+    Missing { path: PathBuf },
+    #[error("there is no {}: shards of that name are {name}-00000-of-{count:05} and so on", path.display())]
+    Sharded { path: PathBuf, name: String, count: u32 },
     #[error("nothing matches {pattern}")]
     NoMatch { pattern: String },
     #[error("{pattern} is no glob: {problem}")]
     BadGlob { pattern: String, problem: String },
-    #[error("the folder {} holds no TFRecord file", path.display())]
-    EmptyFolder { path: PathBuf },
+    #[error("the folder {} holds no TFRecord file{}", path.display(), Among(passed_over))]
+    EmptyFolder { path: PathBuf, passed_over: Vec<String> },
     #[error("{} is neither a TFRecord file nor a scene-set TOML", path.display())]
     NotRecognised { path: PathBuf },
+    #[error("{} is {content}, not a TFRecord", path.display())]
+    Foreign { path: PathBuf, content: Content },
     #[error(transparent)]
     Record(#[from] RecordError),
-    #[error("the scene {id} is there twice: in {first} and in {second}")]
-    Duplicate { id: SceneId, first: Source, second: Source },
+    #[error("the scene {id} is there twice, with other bytes: in {} and in {}", places[0], places[1])]
+    Duplicate { id: SceneId, places: Box<[Source; 2]> },
     #[error("{}: {problem}", set.display())]
     InSet { set: PathBuf, problem: Box<SetError> },
     #[error("{}: {problem}", path.display())]
@@ -98,14 +152,41 @@ pub enum SetError {
     Generated { id: String, problem: WomdError },
 }
 
+/// The files that a folder does hold, as far as they were looked at.
+struct Among<'a>(&'a [String]);
+
+impl fmt::Display for Among<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            [] => Ok(()),
+            [one] => write!(f, ", but {one}"),
+            [one, more @ ..] => write!(f, ", but {one} and {} more", more.len()),
+        }
+    }
+}
+
 impl SetError {
     /// What the user can do.
     #[must_use]
     pub fn hint(&self) -> &'static str {
         match self {
             Self::Io { .. } => "see that the path is right and can be read",
+            Self::Missing { .. } => {
+                "paths are relative to the folder that the command is called in; the word demo means the built-in scenes"
+            }
+            Self::Sharded { .. } => "give the shards by a glob, 'NAME-*-of-*', or their folder",
             Self::NoMatch { .. } | Self::BadGlob { .. } => {
                 "quote globs, so that the shell leaves them alone: 'data/*.tfrecord*'"
+            }
+            Self::EmptyFolder { passed_over, .. } if passed_over.iter().any(|name| name.ends_with(".pkl")) => {
+                Content::Pickle.hint()
+            }
+            Self::EmptyFolder { passed_over, .. } if passed_over.iter().any(|name| name.ends_with(".db")) => {
+                Content::Sqlite.hint()
+            }
+            Self::Foreign { content, .. } => content.hint(),
+            Self::EmptyFolder { passed_over, .. } if !passed_over.is_empty() => {
+                "by their names these hold no scenes: fetch the shards that they belong to"
             }
             Self::EmptyFolder { .. } => {
                 "TFRecord files are known by `.tfrecord` in their names: name others one by one"
@@ -114,9 +195,11 @@ impl SetError {
                 "give TFRecord files, folders or globs of them, a scene-set TOML (*.toml), or the word demo"
             }
             Self::Record(error) => error.hint(),
-            Self::Duplicate { .. } => "name each file once, or keep some scenes by `scenes` in a scene-set TOML",
+            Self::Duplicate { .. } => {
+                "they differ: leave one of the files out, or keep other scenes alone by `scenes` in a scene-set TOML"
+            }
             Self::InSet { problem, .. } => match **problem {
-                Self::Io { .. } | Self::NoMatch { .. } => {
+                Self::Io { .. } | Self::Missing { .. } | Self::NoMatch { .. } => {
                     "paths in a scene-set TOML are relative to its folder: see that this one is right"
                 }
                 ref problem => problem.hint(),

@@ -7,6 +7,7 @@
 //!
 //! Readers are without IO at their core, take hostile bytes, and name file, record and offset in every error.
 
+mod content;
 mod error;
 #[doc(hidden)]
 pub mod fuzzing;
@@ -17,6 +18,7 @@ mod source;
 pub mod tfrecord;
 pub mod womd;
 
+pub use content::Content;
 pub use error::{RecordError, RecordProblem, SetError};
-pub use set::{SceneEntry, SceneSet, SetFile, TomlProblem};
-pub use source::Source;
+pub use set::{Note, SceneEntry, SceneSet, SetFile, TomlProblem};
+pub use source::{Place, Source};

@@ -5,23 +5,30 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::generated::Family;
+use crate::tfrecord::Restart;
+
+/// A record's place.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// The file.
+    pub path: Arc<Path>,
+    /// The record's number in it, from 0.
+    pub record: u64,
+    /// Where the record begins in it, or in what it unpacks to.
+    pub offset: u64,
+    /// Length of the payload (bytes).
+    pub bytes: u64,
+    /// The masked CRC32C of the payload.
+    pub checksum: u32,
+    /// For a packed file, a place before the record from which it can be unpacked.
+    pub packed: Option<Arc<Restart>>,
+}
 
 /// Where a scene lies.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Source {
     /// In a TFRecord file.
-    File {
-        /// The file.
-        path: Arc<Path>,
-        /// The record's number in it, from 0.
-        record: u64,
-        /// Where the record begins in it.
-        offset: u64,
-        /// Length of the payload (bytes).
-        bytes: u64,
-        /// The masked CRC32C of the payload.
-        checksum: u32,
-    },
+    File(Place),
     /// Made when it is loaded.
     Generated {
         /// The family.
@@ -36,7 +43,7 @@ pub enum Source {
 impl fmt::Display for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::File { path, record, .. } => write!(f, "{} (record {record})", path.display()),
+            Self::File(Place { path, record, .. }) => write!(f, "{} (record {record})", path.display()),
             Self::Generated { family, seed, index } => {
                 write!(f, "generated {}, seed {seed}, scene {index}", family.name)
             }

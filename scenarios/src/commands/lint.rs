@@ -10,7 +10,7 @@ use super::table::{count, table};
 use crate::cli::{Level, LintArguments};
 
 pub fn run(arguments: &LintArguments, out: &mut impl Write) -> Result<bool, Failure> {
-    let scenes = Scenes::open(&arguments.inputs)?;
+    let scenes = Scenes::survey(&arguments.inputs)?;
     let at_least = match arguments.at_least {
         Level::Note => Severity::Note,
         Level::Warning => Severity::Warning,
@@ -18,22 +18,29 @@ pub fn run(arguments: &LintArguments, out: &mut impl Write) -> Result<bool, Fail
     };
     let mut table = table(&["scene", "severity", "finding"]);
     let mut numbers = [0; 3];
-    for (index, entry) in scenes.iter() {
-        let (scene, findings) = scenes.set.load(index)?;
-        for lint in lint::lint(&scene, &findings) {
-            numbers[lint.severity() as usize] += 1;
-            if lint.severity() >= at_least {
-                table.add_row([entry.id.to_string(), lint.severity().to_string(), lint.to_string()]);
+    let mut number = 0;
+    scenes.into_records(|found| {
+        number += 1;
+        let findings: Vec<(Severity, String)> = match found.scene {
+            Ok((scene, findings)) => {
+                lint::lint(&scene, &findings).iter().map(|lint| (lint.severity(), lint.to_string())).collect()
+            }
+            Err(error) => vec![(Severity::Error, format!("{error}; {}", error.hint()))],
+        };
+        for (severity, text) in findings {
+            numbers[severity as usize] += 1;
+            if severity >= at_least {
+                table.add_row([found.name.clone(), severity.to_string(), text]);
             }
         }
-    }
+    });
     let [notes, warnings, errors] = numbers;
     let mut write = || {
         if table.row_count() > 0 {
             writeln!(out, "{}\n", table.trim_fmt())?;
         }
         let parts = [count(errors, "error"), count(warnings, "warning"), count(notes, "note")];
-        writeln!(out, "{}: {}", count(scenes.len(), "scene"), parts.join(", "))
+        writeln!(out, "{}: {}", count(number, "scene"), parts.join(", "))
     };
     write().map_err(Failure::Output)?;
     Ok(errors > 0)

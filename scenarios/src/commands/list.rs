@@ -4,7 +4,6 @@ use std::io::Write;
 
 use comfy_table::Cell;
 use scenarios::lint::{self, Severity};
-use scenarios::{SceneEntry, Source};
 use world::scene::{AgentKind, Scene};
 
 use super::Failure;
@@ -29,25 +28,38 @@ const HEAD: [&str; 12] = [
 ];
 
 pub fn run(arguments: &ListArguments, out: &mut impl Write) -> Result<bool, Failure> {
-    let scenes = Scenes::open(&arguments.inputs)?;
     let mut table = table(&HEAD);
-    let mut grave = false;
-    for (index, entry) in scenes.iter() {
-        let (scene, findings) = scenes.set.load(index)?;
-        let lints = lint::lint(&scene, &findings);
-        let count = |severity| lints.iter().filter(|lint| lint.severity() == severity).count();
-        grave |= count(Severity::Error) > 0;
-        table.add_row(row(entry, &scene, count(Severity::Warning), count(Severity::Error)));
-    }
+    let (mut grave, mut errors) = (false, Vec::new());
+    Scenes::survey(&arguments.inputs)?.into_records(|found| match found.scene {
+        Ok((scene, findings)) => {
+            let lints = lint::lint(&scene, &findings);
+            let count = |severity| lints.iter().filter(|lint| lint.severity() == severity).count();
+            grave |= count(Severity::Error) > 0;
+            table.add_row(row(&found.name, &scene, [count(Severity::Warning), count(Severity::Error)], found.origin));
+        }
+        Err(error) => {
+            table.add_row(row_of_none(found.name, found.origin));
+            errors.push(error);
+        }
+    });
     writeln!(out, "{}", table.trim_fmt()).map_err(Failure::Output)?;
-    Ok(grave)
+    for error in &errors {
+        eprintln!("error: {error}\nhint: {}", error.hint());
+    }
+    Ok(grave || !errors.is_empty())
 }
 
-fn row(entry: &SceneEntry, scene: &Scene, warnings: usize, errors: usize) -> Vec<Cell> {
+/// The row of a record that gives no scene: what there is to say follows the table.
+fn row_of_none(name: String, origin: String) -> Vec<String> {
+    let nothing = std::iter::repeat_n("-".to_owned(), HEAD.len() - 3);
+    std::iter::once(name).chain(nothing).chain(["1".to_owned(), origin]).collect()
+}
+
+fn row(name: &str, scene: &Scene, [warnings, errors]: [usize; 2], origin: String) -> Vec<Cell> {
     let agents = |kind| super::inspect::others(scene).filter(|track| track.kind == kind).count();
     let signal_steps = (0..scene.steps()).filter(|step| !scene.signals(*step).is_empty()).count();
     vec![
-        Cell::new(&entry.id),
+        Cell::new(name),
         Cell::new(scene.steps()),
         Cell::new(format!("{:.1}", av_path(scene))),
         Cell::new(format!("{:.1}", fastest(scene))),
@@ -58,17 +70,6 @@ fn row(entry: &SceneEntry, scene: &Scene, warnings: usize, errors: usize) -> Vec
         Cell::new(signal_steps),
         Cell::new(warnings),
         Cell::new(errors),
-        Cell::new(origin(&entry.source)),
+        Cell::new(origin),
     ]
-}
-
-/// Where a scene lies, as far as a row has room: the file's name, and the record where there may be several.
-fn origin(source: &Source) -> String {
-    match source {
-        Source::File { path, record, .. } => {
-            let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-            if *record == 0 { name.into_owned() } else { format!("{name} #{record}") }
-        }
-        Source::Generated { .. } => source.to_string(),
-    }
 }

@@ -10,6 +10,7 @@ use thiserror::Error;
 ///     files = ["town/training_20s.tfrecord-00014-of-01000", "more"]   # files, or folders to search through
 ///     globs = ["validation/*.tfrecord*"]
 ///     scenes = ["eb4b91b10ca94ff2", "following-7-0"]                  # keep these alone; without it, all
+///     exclude = ["7b24d74b506c94ce"]                                  # and leave these out
 ///
 ///     [[generate]]
 ///     family = "following"
@@ -32,6 +33,9 @@ pub struct SetFile {
     pub generate: Vec<Generate>,
     /// The ids to keep of all that; `None` keeps all.
     pub scenes: Option<Vec<String>>,
+    /// The ids to leave out of what is kept.
+    #[serde(default)]
+    pub exclude: Vec<String>,
 }
 
 /// The most scenes of one `[[generate]]`: all are made once when the set is opened, a few milliseconds each.

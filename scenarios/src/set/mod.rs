@@ -1,23 +1,22 @@
 //! Scene sets: where the scenes of a run come from, in a fixed order, each loaded when it is needed.
 
 mod file;
+mod found;
 mod generate;
 mod inputs;
 mod scan;
 
-use std::fs::File;
-use std::io::{BufReader, Seek, SeekFrom};
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use world::scene::{Finding, Scene, SceneId};
 
-use crate::error::{RecordError, RecordProblem, SetError};
+use self::found::Found;
+use crate::error::{RecordError, SetError};
 use crate::source::Source;
-use crate::tfrecord::{Records, StreamError};
 use crate::womd::{self, WomdError};
 
 pub use file::{SetFile, TomlProblem};
+pub use found::Note;
 
 /// A scene of a set, not yet loaded.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -34,12 +33,13 @@ pub struct SceneEntry {
 #[derive(Clone, Debug)]
 pub struct SceneSet {
     entries: Vec<SceneEntry>,
+    notes: Vec<Note>,
 }
 
 impl SceneSet {
-    /// The scenes of `inputs`: TFRecord files, folders (searched through, in order of names), globs, scene-set TOML files
-    /// ([`SetFile`]), or the word `demo`. Nothing means `demo`. Their order is that of the inputs, of the names within a
-    /// folder or glob, and of the records within a file.
+    /// The scenes of `inputs`: TFRecord files, packed or not, folders (searched through, in order of names), globs, scene-set
+    /// TOML files ([`SetFile`]), or the word `demo`. Nothing means `demo`. Their order is that of the inputs, of the names within
+    /// a folder or glob, and of the records within a file. A record that is there again with the same bytes counts once.
     ///
     /// Each file is read once: every checksum is verified, every scene's id and hash taken; scenes are decoded by
     /// [`SceneSet::load`] alone.
@@ -47,17 +47,36 @@ impl SceneSet {
     /// # Errors
     /// [`SetError`], for the first thing that is wrong: a set is opened whole or not at all.
     pub fn open(inputs: &[String]) -> Result<Self, SetError> {
+        let (set, bad) = Self::survey(inputs)?;
+        match bad.into_iter().next() {
+            Some(error) => Err(error.into()),
+            None => Ok(set),
+        }
+    }
+
+    /// As [`SceneSet::open`], but goes on past records that give no scene: the scenes, of which there may be none, and the errors.
+    ///
+    /// # Errors
+    /// [`SetError`] where an input as a whole is of no use.
+    pub fn survey(inputs: &[String]) -> Result<(Self, Vec<RecordError>), SetError> {
         let demo = ["demo".to_owned()];
         let inputs = if inputs.is_empty() { &demo } else { inputs };
-        let mut entries = Vec::new();
+        let mut found = Found::default();
         for input in inputs {
-            inputs::open(input, &mut entries)?;
+            inputs::open(input, &mut found)?;
         }
-        scan::refuse_duplicates(&entries)?;
-        if entries.is_empty() {
+        found.settle()?;
+        let Found { entries, bad, notes } = found;
+        if entries.is_empty() && bad.is_empty() {
             return Err(SetError::NoScenes { inputs: inputs.to_vec() });
         }
-        Ok(Self { entries })
+        Ok((Self { entries, notes }, bad))
+    }
+
+    /// What was done about the inputs and should be told: files passed over, records that count once.
+    #[must_use]
+    pub fn notes(&self) -> &[Note] {
+        &self.notes
     }
 
     /// The scenes, in order.
@@ -91,37 +110,12 @@ impl SceneSet {
 impl SceneEntry {
     fn read<T>(&self, take: impl FnOnce(&[u8]) -> Result<T, WomdError>) -> Result<T, SetError> {
         match &self.source {
-            Source::File { path, record, offset, checksum, .. } => {
-                Ok(read_record(path, *record, *offset, *checksum, take)?)
-            }
+            Source::File(place) => Ok(scan::read(place, take)?),
             Source::Generated { family, seed, index } => family
                 .payload(self.id.as_str(), *seed, *index)
                 .map_err(WomdError::from)
                 .and_then(|payload| take(&payload))
                 .map_err(|problem| SetError::Generated { id: self.id.to_string(), problem }),
         }
-    }
-}
-
-fn read_record<T>(
-    path: &Path,
-    record: u64,
-    offset: u64,
-    checksum: u32,
-    take: impl FnOnce(&[u8]) -> Result<T, WomdError>,
-) -> Result<T, RecordError> {
-    let error = |problem| RecordError { path: PathBuf::from(path), record, offset, problem };
-    let open = || -> std::io::Result<File> {
-        let mut file = File::open(path)?;
-        file.seek(SeekFrom::Start(offset))?;
-        Ok(file)
-    };
-    let file = open().map_err(|e| error(RecordProblem::Io(e)))?;
-    let mut records = Records::starting_at(BufReader::new(file), record, offset);
-    match records.next_record() {
-        Ok(Some(found)) if found.checksum == checksum => take(found.payload).map_err(|e| error(RecordProblem::Womd(e))),
-        // It was sound when the set was opened.
-        Ok(_) | Err(StreamError::Frame(_)) => Err(error(RecordProblem::Changed)),
-        Err(StreamError::Io { source, .. }) => Err(error(RecordProblem::Io(source))),
     }
 }

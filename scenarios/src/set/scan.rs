@@ -1,62 +1,121 @@
-//! What is in a file: each record's id, place and hash.
+//! What is in a file: each record's id, place and hash; and how one record is read again.
 
-use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 use std::sync::Arc;
 
 use sha2::{Digest, Sha256};
 
 use super::SceneEntry;
+use super::found::Found;
+use crate::content::Content;
 use crate::error::{RecordError, RecordProblem, SetError};
-use crate::source::Source;
-use crate::tfrecord::Records;
-use crate::womd;
+use crate::source::{Place, Source};
+use crate::tfrecord::{HEADER_BYTES, Packing, Records, Restart, StreamError, Unpack, looks_like_tfrecord};
+use crate::womd::{self, WomdError};
 
-/// Appends the scenes of the TFRecord file at `path`, in their order.
-pub(super) fn scan(path: &Path, entries: &mut Vec<SceneEntry>) -> Result<(), SetError> {
-    let file = File::open(path).map_err(|source| SetError::Io { path: path.into(), source })?;
-    let mut records = Records::new(BufReader::new(file));
-    let path: Arc<Path> = path.into();
-    while let Some(record) = records.next_record().map_err(|e| RecordError::stream(&*path, e))? {
-        let id = womd::scene_id(record.payload).map_err(|problem| RecordError {
-            path: path.to_path_buf(),
-            record: record.index,
-            offset: record.offset,
-            problem: RecordProblem::Womd(problem),
-        })?;
-        entries.push(SceneEntry {
-            id,
-            sha256: sha256(record.payload),
-            source: Source::File {
-                path: Arc::clone(&path),
-                record: record.index,
-                offset: record.offset,
-                bytes: record.payload.len() as u64,
-                checksum: record.checksum,
-            },
-        });
+/// A packed file can be entered about every so many unpacked bytes: 4 MiB, some 10 ms of unpacking.
+const RESTART_BYTES: u64 = 4 << 20;
+
+/// Appends the scenes of the TFRecord file at `path` in their order, and the records that give none. After a damaged frame
+/// nothing tells where the next record begins.
+pub(super) fn scan(path: &Path, found: &mut Found) -> Result<(), SetError> {
+    let io = |source| SetError::Io { path: path.into(), source };
+    let mut file = File::open(path).map_err(io)?;
+    let mut start = Vec::new();
+    file.by_ref().take(HEADER_BYTES as u64).read_to_end(&mut start).map_err(io)?;
+    file.seek(SeekFrom::Start(0)).map_err(io)?;
+    let foreign = Content::of(&start).filter(|content| !matches!(content, Content::Packed(_)));
+    if let Some(content) = foreign.filter(|_| !looks_like_tfrecord(&start)) {
+        let problem = RecordProblem::Foreign(content);
+        found.bad.push(RecordError { path: path.into(), record: 0, offset: 0, packing: None, problem });
+        return Ok(());
+    }
+    match Packing::of(&start) {
+        None => scan_records(path, None, Records::new(BufReader::new(file)), |_| None, found),
+        Some(packing) => {
+            let mut restart = Arc::new(Restart::beginning(packing));
+            let unpack = Unpack::from(file, &restart);
+            let enter = |source: &Unpack<File>| {
+                if source.unpacked() - restart.unpacked() >= RESTART_BYTES {
+                    restart = Arc::new(source.restart());
+                }
+                Some(Arc::clone(&restart))
+            };
+            scan_records(path, Some(packing), Records::new(unpack), enter, found);
+        }
     }
     Ok(())
+}
+
+/// `enter` says of a source that stands before a record how to come there again.
+fn scan_records<R: Read>(
+    path: &Path,
+    packing: Option<Packing>,
+    mut records: Records<R>,
+    mut enter: impl FnMut(&R) -> Option<Arc<Restart>>,
+    found: &mut Found,
+) {
+    let path: Arc<Path> = path.into();
+    loop {
+        let packed = enter(records.source());
+        let record = match records.next_record() {
+            Ok(Some(record)) => record,
+            Ok(None) => return,
+            Err(error) => return found.bad.push(RecordError::stream(&*path, packing, error)),
+        };
+        let place = Place {
+            path: Arc::clone(&path),
+            record: record.index,
+            offset: record.offset,
+            bytes: record.payload.len() as u64,
+            checksum: record.checksum,
+            packed,
+        };
+        match womd::scene_id(record.payload) {
+            Ok(id) => {
+                let sha256 = sha256(record.payload);
+                found.entries.push(SceneEntry { id, sha256, source: Source::File(place) });
+            }
+            Err(problem) => found.bad.push(RecordError::at(&place, RecordProblem::Womd(problem))),
+        }
+    }
+}
+
+/// Gives `take` the payload at `place`, and answers what it makes of it.
+pub(super) fn read<T>(place: &Place, take: impl FnOnce(&[u8]) -> Result<T, WomdError>) -> Result<T, RecordError> {
+    let read = |source: &mut dyn Read| {
+        let mut records = Records::starting_at(source, place.record, place.offset);
+        match records.next_record() {
+            Ok(Some(found)) if found.checksum == place.checksum => take(found.payload).map_err(RecordProblem::Womd),
+            // It was sound when the set was opened.
+            Ok(_) | Err(StreamError::Frame(_)) => Err(RecordProblem::Changed),
+            Err(StreamError::Io { source, .. }) => Err(RecordProblem::io(source)),
+        }
+    };
+    let open = |byte| -> io::Result<File> {
+        let mut file = File::open(&place.path)?;
+        file.seek(SeekFrom::Start(byte))?;
+        Ok(file)
+    };
+    let read = || match &place.packed {
+        None => read(&mut BufReader::new(open(place.offset).map_err(RecordProblem::Io)?)),
+        Some(restart) => {
+            let mut unpack = Unpack::from(open(restart.byte()).map_err(RecordProblem::Io)?, restart);
+            let before = place.offset - restart.unpacked();
+            io::copy(&mut unpack.by_ref().take(before), &mut io::sink()).map_err(RecordProblem::io)?;
+            read(&mut unpack)
+        }
+    };
+    read().map_err(|problem| RecordError::at(place, problem))
 }
 
 /// SHA-256 of `bytes` in hex.
 pub(super) fn sha256(bytes: &[u8]) -> String {
+    use std::fmt::Write as _;
     Sha256::digest(bytes).iter().fold(String::with_capacity(64), |mut text, byte| {
         let _ = write!(text, "{byte:02x}"); // a String takes all
         text
     })
-}
-
-pub(super) fn refuse_duplicates(entries: &[SceneEntry]) -> Result<(), SetError> {
-    let mut seen = BTreeMap::new();
-    for entry in entries {
-        if let Some(first) = seen.insert(&entry.id, &entry.source) {
-            let (first, second) = (first.clone(), entry.source.clone());
-            return Err(SetError::Duplicate { id: entry.id.clone(), first, second });
-        }
-    }
-    Ok(())
 }

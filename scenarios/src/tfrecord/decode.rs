@@ -46,14 +46,6 @@ pub enum FrameProblem {
     PayloadChecksum { stored: u32, computed: u32 },
     #[error("the record claims {length} bytes, more than the {MAX_PAYLOAD_BYTES} that are read")]
     TooLong { length: u64 },
-    #[error("the file is compressed with gzip, not a TFRecord")]
-    Gzip,
-    #[error("the file is compressed with zlib, not a TFRecord")]
-    Zlib,
-    #[error("the file is a Python pickle (of ScenarioNet?), not a TFRecord")]
-    Pickle,
-    #[error("the file is a Git LFS pointer, not the data itself")]
-    LfsPointer,
 }
 
 impl FrameProblem {
@@ -67,10 +59,6 @@ impl FrameProblem {
             Self::HeaderChecksum { .. } | Self::PayloadChecksum { .. } | Self::TooLong { .. } => {
                 "the file is damaged or no TFRecord: fetch it again and compare its checksum"
             }
-            Self::Gzip => "unpack it first: gzip -d FILE",
-            Self::Zlib => "unpack it first; WOMD's own scenario files are not compressed",
-            Self::Pickle => "give the TFRecord files that it was made from: WOMD's own, in scenario format",
-            Self::LfsPointer => "fetch the data behind it: git lfs pull",
         }
     }
 }
@@ -166,9 +154,7 @@ impl Decoder {
             return Ok(());
         }
         if self.expected == HEADER_BYTES {
-            let start = &self.buffer[..self.filled];
-            let problem = FrameProblem::TruncatedHeader { got: self.filled };
-            return Err(self.error(self.another_format(start).unwrap_or(problem)));
+            return Err(self.error(FrameProblem::TruncatedHeader { got: self.filled }));
         }
         Err(self.error(FrameProblem::TruncatedPayload {
             expected: (self.expected - HEADER_BYTES) as u64,
@@ -183,26 +169,12 @@ impl Decoder {
         length.copy_from_slice(&header[..8]);
         let (stored, computed) = (little_endian(&header[8..]), masked_crc32c(&length));
         if stored != computed {
-            let problem = FrameProblem::HeaderChecksum { stored, computed };
-            return Err(self.error(self.another_format(header).unwrap_or(problem)));
+            return Err(self.error(FrameProblem::HeaderChecksum { stored, computed }));
         }
         let length = u64::from_le_bytes(length);
         match usize::try_from(length) {
             Ok(bytes) if length <= MAX_PAYLOAD_BYTES => Ok(bytes),
             _ => Err(self.error(FrameProblem::TooLong { length })),
-        }
-    }
-
-    /// What else the file may be, judged by its first bytes.
-    fn another_format(&self, start: &[u8]) -> Option<FrameProblem> {
-        match start {
-            _ if self.offset != 0 => None,
-            [0x1f, 0x8b, ..] => Some(FrameProblem::Gzip),
-            [0x78, 0x01 | 0x5e | 0x9c | 0xda, ..] => Some(FrameProblem::Zlib),
-            // The mark of a pickle and its version; those before 2 have no mark, and are of no use any more.
-            [0x80, 2..=5, ..] => Some(FrameProblem::Pickle),
-            _ if start.starts_with(b"version ") => Some(FrameProblem::LfsPointer),
-            _ => None,
         }
     }
 

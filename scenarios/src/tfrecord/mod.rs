@@ -7,12 +7,15 @@
 //! | n | payload |
 //! | 4 | masked CRC32C of the payload |
 //!
-//! [`Decoder`] is the core without IO; [`Records`] drives it over any [`std::io::Read`] and holds one record at a time.
+//! [`Decoder`] is the core without IO; [`Records`] drives it over any [`std::io::Read`] and holds one record at a time;
+//! [`Unpack`] stands between where the file is packed as a whole.
 
 mod decode;
+mod packed;
 mod stream;
 
 pub use decode::{Decoder, FrameError, FrameProblem, Record};
+pub use packed::{PackedError, PackedProblem, Packing, Restart, Unpack};
 pub use stream::{Records, StreamError};
 
 /// Bytes before a payload.

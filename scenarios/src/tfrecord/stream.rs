@@ -42,6 +42,11 @@ impl<R: Read> Records<R> {
         Self { source, decoder: Decoder::starting_at(index, offset) }
     }
 
+    /// Where the bytes come from. After a record it stands at the record's end.
+    pub fn source(&self) -> &R {
+        &self.source
+    }
+
     /// The next record, or `None` at the end of the file. Borrowed until the next call.
     ///
     /// # Errors

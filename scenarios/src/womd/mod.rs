@@ -9,7 +9,7 @@ mod wire;
 mod write;
 
 use thiserror::Error;
-use world::scene::SceneError;
+use world::scene::{SceneError, SceneId};
 
 pub use read::{read, scene_id};
 pub use write::write;
@@ -26,6 +26,12 @@ pub enum WomdError {
     /// It is no protobuf message, or its fields have other types.
     #[error("the record does not decode as a Scenario: {0}")]
     Protobuf(String),
+    /// It holds the laser data of a scene alone.
+    #[error("the record holds the laser data of scene {id} alone: no tracks and no map")]
+    LaserOnly {
+        /// The scene.
+        id: SceneId,
+    },
     /// It decodes, but makes no sense.
     #[error("the scene cannot be used: {0}")]
     Scene(#[from] SceneError),
@@ -39,7 +45,10 @@ impl WomdError {
             Self::TfExample => "take the data set's `scenario` folder instead of its `tf_example` folder",
             Self::NotAScenario => "take files from the Waymo Open MOTION Dataset's `scenario` folder",
             Self::Protobuf(_) => "the checksums are right, so it was written this way: ask whoever wrote the file",
-            Self::Scene(_) => "leave the scene out by naming the others under `scenes` in a scene-set TOML",
+            Self::LaserOnly { .. } => {
+                "take the data set's `scenario` folder; its `lidar_and_camera` folder only goes with it"
+            }
+            Self::Scene(_) => "leave the scene out: `exclude` in a scene-set TOML names what is not to be driven",
         }
     }
 }

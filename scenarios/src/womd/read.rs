@@ -23,20 +23,30 @@ pub fn read(payload: &[u8]) -> Result<(Scene, Vec<Finding>), WomdError> {
     read().map_err(|error| super::diagnose(payload).unwrap_or(error))
 }
 
+/// Numbers of a Scenario's fields.
+const TIMES: u64 = 1;
+const TRACKS: u64 = 2;
+const LASER_DATA: u64 = 12;
+const CAMERA_TOKENS: u64 = 13;
+
 /// The id of the scene in `payload`; the rest is stepped over, not decoded.
 ///
 /// # Errors
 /// [`WomdError`] as of [`read`].
 pub fn scene_id(payload: &[u8]) -> Result<SceneId, WomdError> {
     let find = || -> Result<_, WomdError> {
-        let mut id: &[u8] = &[];
+        let (mut id, mut laser, mut scene) = (&[][..], false, false);
         for field in wire::fields(payload) {
             let (number, field) = field.map_err(|error| WomdError::Protobuf(error.to_string()))?;
-            if let (5, Field::Bytes(bytes)) = (number, field) {
-                id = bytes; // the last one counts
+            match (number, field) {
+                (5, Field::Bytes(bytes)) => id = bytes, // the last one counts
+                (TIMES | TRACKS, _) => scene = true,
+                (LASER_DATA | CAMERA_TOKENS, _) => laser = true,
+                _ => {}
             }
         }
-        Ok(SceneId::new(String::from_utf8_lossy(id))?)
+        let id = SceneId::new(String::from_utf8_lossy(id))?;
+        if laser && !scene { Err(WomdError::LaserOnly { id }) } else { Ok(id) }
     };
     find().map_err(|error| super::diagnose(payload).unwrap_or(error))
 }

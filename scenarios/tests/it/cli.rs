@@ -111,3 +111,16 @@ fn a_reader_that_has_seen_enough_is_no_error() {
     assert!(output.status.success(), "{output:?}");
     assert!(output.stderr.is_empty(), "{output:?}");
 }
+
+#[test]
+fn the_word_demo_means_the_built_in_set_whatever_lies_here_by_that_name() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("demo")).unwrap();
+    let built_in = run_in(folder.path(), &["list", "demo"]);
+    assert!(
+        built_in.contains("demo-following") && built_in.contains("what lies here by that name is ./demo"),
+        "{built_in}"
+    );
+    let own = run_in(folder.path(), &["list", "./demo"]);
+    assert!(own.contains("error: the folder ./demo holds no TFRecord file"), "{own}");
+}

@@ -6,7 +6,7 @@ use std::path::Path;
 use scenarios::generated::Family;
 use scenarios::tfrecord::{self, FrameProblem};
 use scenarios::womd::WomdError;
-use scenarios::{RecordError, RecordProblem, SceneSet, SetError};
+use scenarios::{Content, RecordError, RecordProblem, SceneSet, SetError};
 
 fn payload(id: &str) -> Vec<u8> {
     Family::named("curve").unwrap().payload(id, 1, 0).unwrap()
@@ -76,15 +76,19 @@ fn a_length_that_cannot_be_is_refused_before_anything_is_allocated() {
     assert_eq!(frame_problem(&file), (0, 0, FrameProblem::TooLong { length: 1 << 60 }));
 }
 
+fn foreign(bytes: &[u8]) -> Content {
+    let error = record_error(bytes);
+    let RecordProblem::Foreign(content) = error.problem else { panic!("{error}") };
+    content
+}
+
 #[test]
 fn files_that_are_something_else() {
-    assert_eq!(frame_problem(&[0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 3, 1, 2, 3]).2, FrameProblem::Gzip);
-    assert_eq!(frame_problem(&[0x78, 0x9c, 8, 0, 0, 0, 0, 0, 0, 3, 1, 2, 3]).2, FrameProblem::Zlib);
     // pickle.dumps({}, protocol=5)
-    assert_eq!(frame_problem(b"\x80\x05}\x94.").2, FrameProblem::Pickle);
-    assert_eq!(frame_problem(b"\x80\x04\x95\x0b\0\0\0\0\0\0\0}\x94\x8c\x01a\x94K\x01s.").2, FrameProblem::Pickle);
-    let pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 1\n";
-    assert_eq!(frame_problem(pointer).2, FrameProblem::LfsPointer);
+    assert_eq!(foreign(b"\x80\x05}\x94."), Content::Pickle);
+    assert_eq!(foreign(b"\x80\x04\x95\x0b\0\0\0\0\0\0\0}\x94\x8c\x01a\x94K\x01s."), Content::Pickle);
+    assert_eq!(foreign(b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 1\n"), Content::LfsPointer);
+    assert_eq!(foreign(b"SQLite format 3\0and more"), Content::Sqlite);
     assert!(matches!(open(b"").unwrap_err(), SetError::NoScenes { .. }));
 }
 

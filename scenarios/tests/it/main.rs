@@ -4,6 +4,7 @@
 mod cli;
 mod damage;
 mod identity;
+mod packed;
 mod real;
 mod sets;
 

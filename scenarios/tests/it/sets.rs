@@ -69,15 +69,108 @@ fn a_scene_set_file_takes_files_globs_and_families_and_keeps_what_it_names() {
     assert!(error.to_string().ends_with("`scenes` names x, y, which none of its files holds"), "{error}");
 }
 
+fn notes(folder: &Path, inputs: &[&str]) -> Vec<String> {
+    let set = open(folder, inputs).unwrap();
+    set.notes().iter().map(|note| note.to_string().replace(&*folder.to_string_lossy(), "HERE")).collect()
+}
+
 #[test]
-fn a_scene_that_is_there_twice_is_an_error_that_names_both_places() {
+fn a_record_that_is_there_again_counts_once_and_another_of_its_id_is_an_error_that_names_both_places() {
     let folder = folder();
-    let error = open(folder.path(), &["a", "a/2.tfrecord"]).unwrap_err();
-    let SetError::Duplicate { id, first, second } = error else { panic!("{error}") };
-    assert_eq!(id.as_str(), "c");
-    assert!(
-        first.to_string().contains("2.tfrecord (record 0)") && second.to_string().contains("2.tfrecord (record 0)")
+    assert_eq!(ids(folder.path(), &["a", "a/2.tfrecord"]), ["b", "c", "d"]);
+    assert_eq!(
+        notes(folder.path(), &["b.tfrecord", "b.tfrecord"]),
+        ["the scene a counts once: HERE/b.tfrecord (record 0) has the same bytes as HERE/b.tfrecord (record 0)"]
     );
+    let mut file = Vec::new();
+    tfrecord::append_record(&mut file, &Family::named("curve").unwrap().payload("c", 2, 0).unwrap());
+    fs::write(folder.path().join("other.tfrecord"), file).unwrap();
+    let error = open(folder.path(), &["a", "other.tfrecord"]).unwrap_err();
+    let SetError::Duplicate { id, places } = error else { panic!("{error}") };
+    assert_eq!(id.as_str(), "c");
+    assert!(places[0].to_string().contains("2.tfrecord (record 0)"));
+    assert!(places[1].to_string().contains("other.tfrecord (record 0)"));
+}
+
+#[test]
+fn side_files_are_passed_over_and_said() {
+    let folder = folder();
+    for name in ["a/2.tfrecord.index", "a/.2.tfrecord.swp", "a/2.tfrecord.md5", "a/2.tfrecord-00001-of-00002_.gstmp"] {
+        fs::write(folder.path().join(name), "no records").unwrap();
+    }
+    assert_eq!(ids(folder.path(), &["a"]), ["b", "c", "d"]);
+    assert_eq!(
+        notes(folder.path(), &["a"]),
+        ["HERE/a: passed over .2.tfrecord.swp, 2.tfrecord-00001-of-00002_.gstmp, 2.tfrecord.index and 2 more"]
+    );
+    assert_eq!(ids(folder.path(), &["a/2.tfrecord*"]), ["c", "d"]);
+    let named = open(folder.path(), &["a/2.tfrecord.index"]).unwrap_err();
+    assert!(matches!(named, SetError::Record(_)), "what is named itself is not passed over: {named}");
+}
+
+#[test]
+fn exclude_leaves_scenes_out() {
+    let folder = folder();
+    fs::write(folder.path().join("set.toml"), "files = ['a', 'b.tfrecord']\nexclude = ['c', 'x']").unwrap();
+    assert_eq!(ids(folder.path(), &["set.toml"]), ["b", "d", "a"]);
+    let said = notes(folder.path(), &["set.toml"]);
+    assert_eq!(said[1], "HERE/set.toml: `exclude` names x, which none of its files holds");
+}
+
+#[test]
+fn a_survey_goes_on_past_what_gives_no_scene() {
+    let folder = folder();
+    let mut file = Vec::new();
+    tfrecord::append_record(&mut file, b"\x2a\x05laser\x62\x01\x00");
+    tfrecord::append_record(&mut file, &Family::named("curve").unwrap().payload("e", 1, 0).unwrap());
+    tfrecord::append_record(&mut file, b"\xff\xff\xff");
+    tfrecord::append_record(&mut file, &Family::named("curve").unwrap().payload("f", 1, 0).unwrap());
+    file.pop();
+    fs::write(folder.path().join("a/0.tfrecord"), file).unwrap();
+    let (set, bad) = SceneSet::survey(&[folder.path().join("a").to_string_lossy().into_owned()]).unwrap();
+    assert_eq!(set.entries().iter().map(|entry| entry.id.as_str()).collect::<Vec<_>>(), ["e", "b", "c", "d"]);
+    assert_eq!(bad.iter().map(|error| error.record).collect::<Vec<_>>(), [0, 2, 3]);
+    assert!(bad[0].to_string().ends_with("the record holds the laser data of scene laser alone: no tracks and no map"));
+    assert!(matches!(open(folder.path(), &["a"]).unwrap_err(), SetError::Record(error) if error.record == 0));
+    // What tells its name can be left out by it.
+    let set = |text: &str| {
+        fs::write(folder.path().join("set.toml"), text).unwrap();
+        SceneSet::survey(&[folder.path().join("set.toml").to_string_lossy().into_owned()]).unwrap().1.len()
+    };
+    assert_eq!((set("files = ['a']"), set("files = ['a']\nexclude = ['laser']")), (3, 2));
+}
+
+#[test]
+fn a_path_that_is_not_there_is_told_by_what_it_looks_like() {
+    let folder = folder();
+    let error = |input: &str| {
+        let error = open(folder.path(), &[input]).unwrap_err();
+        format!("{error}\nhint: {}", error.hint()).replace(&*folder.path().to_string_lossy(), "HERE")
+    };
+    insta::assert_snapshot!(error("nowhere.tfrecord"), @"
+    there is no HERE/nowhere.tfrecord
+    hint: paths are relative to the folder that the command is called in; the word demo means the built-in scenes
+    ");
+    insta::assert_snapshot!(error("training_20s.tfrecord@1000"), @"
+    there is no HERE/training_20s.tfrecord@1000: shards of that name are HERE/training_20s.tfrecord-00000-of-01000 and so on
+    hint: give the shards by a glob, 'NAME-*-of-*', or their folder
+    ");
+    fs::write(folder.path().join("log"), b"SQLite format 3\0").unwrap();
+    insta::assert_snapshot!(error("log"), @"
+    HERE/log is an SQLite database (a nuPlan log?), not a TFRecord
+    hint: nuPlan's logs are not read: give WOMD's TFRecord files, in scenario format
+    ");
+    fs::write(folder.path().join("scene"), b"\x80\x04\x95\x0b\0\0\0\0\0\0\0}").unwrap();
+    insta::assert_snapshot!(error("scene"), @"
+    HERE/scene is a Python pickle (of ScenarioNet?), not a TFRecord
+    hint: give the TFRecord files that it was made from: WOMD's own, in scenario format
+    ");
+    fs::create_dir(folder.path().join("nuplan")).unwrap();
+    fs::write(folder.path().join("nuplan/2021.db"), b"SQLite format 3\0").unwrap();
+    insta::assert_snapshot!(error("nuplan"), @"
+    the folder HERE/nuplan holds no TFRecord file, but 2021.db
+    hint: nuPlan's logs are not read: give WOMD's TFRecord files, in scenario format
+    ");
 }
 
 #[test]
