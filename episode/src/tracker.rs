@@ -148,8 +148,8 @@ mod tests {
     #[test]
     fn a_circle_is_driven_with_the_steering_of_its_radius() {
         let (end, steering) = drive(VehicleState { speed: 6.0, ..VehicleState::default() }, 0.05, 6.0, 120);
-        assert!((steering - (3.089_f64 * 0.05).atan()).abs() < 5e-3, "{steering}");
-        let radius = (end.x.powi(2) + (end.y - 20.0).powi(2)).sqrt();
+        assert!((steering - libm::atan(3.089 * 0.05)).abs() < 5e-3, "{steering}");
+        let radius = libm::hypot(end.x, end.y - 20.0);
         assert!((radius - 20.0).abs() < 0.4, "{radius}");
     }
 

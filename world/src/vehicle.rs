@@ -360,7 +360,7 @@ mod tests {
         let mut state = VehicleState { speed: 5.0, ..Default::default() };
         for _ in 0..10_000 {
             state = model.step(state, control(0.0, steering), 1e-3);
-            let from_center = (state.x.powi(2) + (state.y - radius).powi(2)).sqrt();
+            let from_center = libm::hypot(state.x, state.y - radius);
             assert!((from_center - radius).abs() < 0.02, "{from_center} {radius}");
         }
     }

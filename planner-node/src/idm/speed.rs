@@ -20,8 +20,6 @@ pub const DECELERATION: f64 = 3.0;
 const COMFORTABLE_BRAKING: f64 = 1.0;
 /// Hardest braking (m/s^2): the vehicle's own.
 pub const HARDEST_BRAKING: f64 = 5.0;
-/// Treiber's exponent of the free-road term.
-const EXPONENT: i32 = 4;
 
 /// Where the map gives no speed limit: 25 mph, the usual one of residential streets in the United States (m/s).
 const DEFAULT_SPEED_LIMIT: f64 = 25.0 * world::map::METERS_PER_SECOND_PER_MPH;
@@ -87,7 +85,9 @@ fn local(corridor: &Corridor<'_>, sample: usize) -> f64 {
 /// fall, and what it is too fast goes within [`SPEED_SETTLING`].
 pub fn acceleration(speed: f64, wanted: Wanted, leaders: impl Iterator<Item = (f64, f64)>) -> f64 {
     let desired = wanted.speed.max(0.1);
-    let free = ACCELERATION * (1.0 - (speed / desired).powi(EXPONENT));
+    // Treiber's exponent is 4.
+    let squared = (speed / desired) * (speed / desired);
+    let free = ACCELERATION * (1.0 - squared * squared);
     let tracking = (desired - speed) / SPEED_SETTLING - wanted.braking;
     let road = free.max(-DECELERATION).min(tracking).max(-DECELERATION);
     let interaction = leaders.map(|(gap, leader)| interaction(speed, gap, leader)).fold(0.0, f64::max);
@@ -138,7 +138,8 @@ mod tests {
     fn behind_a_leader_of_its_speed_the_gap_is_treibers_equilibrium() {
         // s_e = (s0 + vT) / sqrt(1 - (v/v0)^4), equation 5 of the paper of 2000.
         let (speed, desired) = (10.0_f64, 15.0_f64);
-        let gap = (STANDSTILL_GAP + speed * HEADWAY) / (1.0 - (speed / desired).powi(4)).sqrt();
+        let gap = (STANDSTILL_GAP + speed * HEADWAY)
+            / (1.0 - (speed / desired) * (speed / desired) * (speed / desired) * (speed / desired)).sqrt();
         assert!(acceleration(speed, steady(desired), std::iter::once((gap, speed))).abs() < 1e-12);
     }
 

@@ -71,7 +71,7 @@ impl Drive {
     fn step(&mut self, step: u32) -> UncheckedPlan {
         let line = &self.briefing.reference_line;
         let nearest = (0..line.x.len()).min_by(|a, b| {
-            let distance = |i: usize| (line.x[i] - self.av.x).powi(2) + (line.y[i] - self.av.y).powi(2);
+            let distance = |i: usize| libm::hypot(line.x[i] - self.av.x, line.y[i] - self.av.y);
             distance(*a).total_cmp(&distance(*b))
         });
         let start = nearest.unwrap().saturating_sub(200);
