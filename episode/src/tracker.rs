@@ -9,13 +9,17 @@
 //!
 //! Below 0.2 m/s, with a plan below 0.2 m/s, it brakes in proportion (gain 0.5) and leaves the wheels alone.
 //!
-//! What is not nuPlan's: the plan brings its own speeds, so none are estimated from its poses; errors are taken against the
-//! plan's first state moved back by one step, since plans here begin 0.1 s ahead; no actuator lag follows.
+//! Wanted speed and curvatures are read from the plan's poses ([`profile`]), from the present moment on, as nuPlan reads them.
+//! Plans here begin 0.1 s ahead: the path is carried back by that step to meet the present, and no actuator lag follows.
+
+mod profile;
 
 use nalgebra::{Matrix3, Vector3};
-use world::geometry::{Point, angle_difference, wrap_angle};
+use world::geometry::{Point, Pose, angle_difference, wrap_angle};
 use world::plan::{Control, PlanState, STEP_SECONDS};
 use world::vehicle::VehicleState;
+
+use self::profile::Profile;
 
 /// Steps that the tracker looks ahead.
 const HORIZON: usize = 10;
@@ -27,20 +31,50 @@ const LATERAL_COSTS: [f64; 3] = [1.0, 10.0, 0.0];
 const STOPPING_SPEED: f64 = 0.2;
 /// Deceleration per speed while stopping (1/s).
 const STOPPING_GAIN: f64 = 0.5;
-/// Metres over which a change of heading is read as curvature at least: noise of a plan that creeps is no bend.
-const SHORTEST_ARC: f64 = 0.1;
-
 /// The control, before any limit, that follows `states` (the plan's, [`world::plan::PLAN_STEPS`] of them) from `vehicle`
 /// with the wheels at `steering` (rad).
 #[must_use]
 pub fn track(vehicle: &VehicleState, steering: f64, wheelbase: f64, states: &[PlanState]) -> Control {
-    let Some(goal) = states.get(HORIZON - 1) else { return Control { acceleration: 0.0, steering } };
-    if vehicle.speed <= STOPPING_SPEED && goal.speed <= STOPPING_SPEED {
-        return Control { acceleration: -STOPPING_GAIN * (vehicle.speed - goal.speed), steering };
+    if states.len() <= HORIZON {
+        return Control { acceleration: 0.0, steering };
     }
-    let acceleration = speed_control(vehicle.speed, goal.speed);
-    let rate = steering_rate(vehicle, steering, wheelbase, acceleration, states);
+    let reference = Reference::of(states);
+    if vehicle.speed <= STOPPING_SPEED && reference.speed <= STOPPING_SPEED {
+        return Control { acceleration: -STOPPING_GAIN * (vehicle.speed - reference.speed), steering };
+    }
+    let acceleration = speed_control(vehicle.speed, reference.speed);
+    let rate = steering_rate(vehicle, steering, wheelbase, acceleration, &reference);
     Control { acceleration, steering: steering + rate * STEP_SECONDS }
+}
+
+/// What is to be followed.
+struct Reference {
+    /// Where the plan's path is now.
+    pose: Pose,
+    /// Speed wanted at the horizon (m/s).
+    speed: f64,
+    /// Curvature (1/m) from now on, a value a step.
+    curvatures: [f64; HORIZON],
+}
+
+impl Reference {
+    fn of(states: &[PlanState]) -> Self {
+        let profile = Profile::of(states);
+        let back = |values: &[f64]| 2.0 * values[0] - values[1];
+        let speed = back(&profile.speeds).max(0.0);
+        let mut curvatures = [back(&profile.curvatures); HORIZON];
+        curvatures[1..].copy_from_slice(&profile.curvatures[..HORIZON - 1]);
+        let (first, travel) = (states[0], speed * STEP_SECONDS);
+        let heading = first.heading - travel * curvatures[0];
+        let place = Point::new(first.x, first.y) - Point::unit(heading) * travel;
+        Self { pose: Pose::new(place.x, place.y, heading), speed: profile.speeds[HORIZON - 1], curvatures }
+    }
+
+    /// How far `vehicle` is to the left of the path (m), and turned to the left of it (rad).
+    fn errors(&self, vehicle: &VehicleState) -> (f64, f64) {
+        let offset = Point::new(vehicle.x - self.pose.x, vehicle.y - self.pose.y);
+        (Point::unit(self.pose.heading).cross(offset), angle_difference(self.pose.heading, vehicle.heading))
+    }
 }
 
 /// `v + T a` shall be the wanted speed after the horizon's `T` seconds.
@@ -54,46 +88,24 @@ fn steering_rate(
     steering: f64,
     wheelbase: f64,
     acceleration: f64,
-    states: &[PlanState],
+    reference: &Reference,
 ) -> f64 {
-    let (lateral_error, heading_error) = errors(vehicle, states);
+    let (lateral_error, heading_error) = reference.errors(vehicle);
     let start = Vector3::new(lateral_error, heading_error, steering);
     // After the horizon the state is `a start + b rate + g`.
     let (mut a, mut b, mut g) = (Matrix3::identity(), Vector3::zeros(), Vector3::zeros());
-    for step in 0..HORIZON {
+    for (step, curvature) in reference.curvatures.into_iter().enumerate() {
         let travel = (vehicle.speed + acceleration * step as f64 * STEP_SECONDS) * STEP_SECONDS;
         let now = Matrix3::new(1.0, travel, 0.0, 0.0, 1.0, travel / wheelbase, 0.0, 0.0, 1.0);
         a = now * a;
         b = now * b + Vector3::new(0.0, 0.0, STEP_SECONDS);
-        g = now * g - Vector3::new(0.0, travel * curvature(states, step), 0.0);
+        g = now * g - Vector3::new(0.0, travel * curvature, 0.0);
     }
     let mut error = a * start + g;
     error.y = wrap_angle(error.y);
     error.z = wrap_angle(error.z);
     let cost = Vector3::from(LATERAL_COSTS);
     -b.component_mul(&cost).dot(&error) / (b.component_mul(&cost).dot(&b) + 1.0)
-}
-
-/// How far the vehicle is to the left of the plan, and turned to the left of it: against the plan's first state, moved
-/// back by one step.
-fn errors(vehicle: &VehicleState, states: &[PlanState]) -> (f64, f64) {
-    let first = states[0];
-    let travel = first.speed * STEP_SECONDS;
-    let heading = first.heading - travel * curvature(states, 0);
-    let direction = Point::unit(heading);
-    let reference = Point::new(first.x, first.y) - direction * travel;
-    let lateral = direction.cross(Point::new(vehicle.x, vehicle.y) - reference);
-    (lateral, angle_difference(heading, vehicle.heading))
-}
-
-/// The curvature (1/m) of the plan's path from its state `step` on, over half a second of it.
-fn curvature(states: &[PlanState], step: usize) -> f64 {
-    let last = (step + HORIZON / 2).min(states.len() - 1);
-    let mut arc = 0.0;
-    for pair in states[step..=last].windows(2) {
-        arc += Point::new(pair[0].x, pair[0].y).distance(Point::new(pair[1].x, pair[1].y));
-    }
-    if arc < SHORTEST_ARC { 0.0 } else { angle_difference(states[step].heading, states[last].heading) / arc }
 }
 
 #[cfg(test)]
