@@ -1,11 +1,17 @@
 //! The level of the route: maps have bridges, and what is above or below the AV is not where it drives.
+//!
+//! Heights are known along the route. Where a setting lets the AV go farther from it, what lies out there is taken to be on its
+//! level.
 
 use world::geometry::{Point, Point3, SegmentGrid};
 
 use super::STOREY;
 
-/// The map is of interest up to this distance (m) from the route.
+/// The route tells the ground's height up to this distance (m) from it.
 const REACH: f64 = 40.0;
+
+/// What of the map is of interest lies up to this far (m) beyond where the AV may go.
+const MARGIN: f64 = 35.0;
 
 /// Side of a grid cell (m).
 const CELL: f64 = 10.0;
@@ -16,17 +22,24 @@ pub struct Level {
     grid: SegmentGrid,
     /// Height (m) of each segment's start.
     heights: Vec<f64>,
+    /// The least and the greatest x and y at which something of the map is of interest.
+    bounds: (Point, Point),
 }
 
 impl Level {
-    /// The level along `route`.
+    /// The level along `route`, for an AV that may go `corridor` metres away from it.
     #[must_use]
-    pub fn along(route: &[Point3]) -> Self {
+    pub fn along(route: &[Point3], corridor: f64) -> Self {
         // The grid drops repeated points; so do we, to keep its numbers ours.
         let mut points: Vec<Point3> = route.to_vec();
         points.dedup_by(|a, b| a.xy() == b.xy());
         let heights = points.iter().map(|point| point.z).collect();
-        Self { grid: SegmentGrid::new([(0, points.iter().map(|point| point.xy()))], CELL), heights }
+        let reach = corridor + MARGIN;
+        let least = |of: fn(&Point3) -> f64| points.iter().map(of).fold(f64::INFINITY, f64::min) - reach;
+        let greatest = |of: fn(&Point3) -> f64| points.iter().map(of).fold(f64::NEG_INFINITY, f64::max) + reach;
+        let bounds =
+            (Point::new(least(|p| p.x), least(|p| p.y)), Point::new(greatest(|p| p.x), greatest(|p| p.y)));
+        Self { grid: SegmentGrid::new([(0, points.iter().map(|point| point.xy()))], CELL), heights, bounds }
     }
 
     /// The ground's height (m) where the route is nearest to `point`, if that is within reach.
@@ -35,9 +48,13 @@ impl Level {
         self.grid.nearest(point, REACH).map(|nearest| self.heights[nearest.segment])
     }
 
-    /// Whether a point of the map is near the route and on its level.
+    /// Whether a point of the map is where the AV may come, and on its level.
     #[must_use]
     pub fn holds(&self, point: Point3) -> bool {
-        self.height(point.xy()).is_some_and(|height| (height - point.z).abs() <= STOREY)
+        let (least, greatest) = self.bounds;
+        match self.height(point.xy()) {
+            Some(height) => (height - point.z).abs() <= STOREY,
+            None => (least.x..=greatest.x).contains(&point.x) && (least.y..=greatest.y).contains(&point.y),
+        }
     }
 }

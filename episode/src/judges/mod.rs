@@ -30,6 +30,12 @@ pub const STOREY: f64 = 3.0;
 /// Distance (m) from the rear axle to the box's centre in nuPlan's vehicle, whose wheelbase is [`WHEELBASE`].
 const REAR_AXLE_TO_CENTER: f64 = 1.461;
 
+/// The same distance in a car whose axles are `wheelbase` (m) apart, built in proportion.
+#[must_use]
+pub fn rear_axle_to_center(wheelbase: f64) -> f64 {
+    REAR_AXLE_TO_CENTER * wheelbase / WHEELBASE
+}
+
 /// The AV at one moment, as the judges see it.
 #[derive(Clone, Copy, Debug)]
 pub struct Body {
@@ -57,6 +63,6 @@ impl Body {
     /// The middle of the rear axle, if the car is built like nuPlan's.
     #[must_use]
     pub fn rear_axle(&self, wheelbase: f64) -> Point {
-        self.outline.center - self.outline.forward * (REAR_AXLE_TO_CENTER * wheelbase / WHEELBASE)
+        self.outline.center - self.outline.forward * rear_axle_to_center(wheelbase)
     }
 }

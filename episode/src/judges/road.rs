@@ -1,4 +1,4 @@
-//! Whether the AV leaves the road: the signed distance of its box's outermost corner to the nearest road edge.
+//! Whether the AV leaves the road: the signed distance of each of its box's corners to the nearest road edge.
 //!
 //! WOMD has no drivable polygons. What stands for them is the left side of its road edges: that is how the data set draws
 //! them. Edges on another level than the route are left out.
@@ -9,7 +9,7 @@ use world::map::Map;
 use super::Body;
 use super::level::Level;
 
-/// A corner that far beyond the edge (m) is outside the drivable area (nuPlan's tolerance).
+/// A corner that far (m) beyond the edge, and from the AV's lanes, is outside the drivable area (nuPlan's tolerance).
 pub const TOLERANCE: f64 = 0.3;
 
 /// Edges further from a corner than this (m) say nothing.
@@ -38,17 +38,22 @@ impl RoadEdges {
         Self { grid: SegmentGrid::new(chains, CELL) }
     }
 
-    /// How far the box's outermost corner is beyond the road's edge (m): negative on the road, `None` where no edge is
-    /// within 10 m of any corner.
+    /// How far each of the box's corners, in their order, is beyond the road's edge (m): negative on the road, `None` where no edge is
+    /// within 10 m of it.
     #[must_use]
-    pub fn beyond(&self, av: &Body) -> Option<f64> {
-        let beyond = av.outline.corners().into_iter().filter_map(|corner| {
+    pub fn beyond(&self, av: &Body) -> [Option<f64>; 4] {
+        av.outline.corners().map(|corner| {
             let nearest = self.grid.nearest(corner, SEARCH_RADIUS)?;
             // Past the free end of an edge there is no side to be on.
             Some(if nearest.beyond_end { -nearest.distance() } else { -nearest.signed_distance })
-        });
-        beyond.reduce(f64::max)
+        })
     }
+}
+
+/// How far the outermost of the corners is beyond the road's edge (m), if that is known of any.
+#[must_use]
+pub fn outermost(corners: [Option<f64>; 4]) -> Option<f64> {
+    corners.into_iter().flatten().reduce(f64::max)
 }
 
 #[cfg(test)]
@@ -68,7 +73,7 @@ mod tests {
         });
         let map = Map { road_edges: edges.collect(), ..Map::default() };
         let route = [Point3::new(-50.0, 0.0, 0.0), Point3::new(50.0, 0.0, 0.0)];
-        RoadEdges::of(&map, &Level::along(&route))
+        RoadEdges::of(&map, &Level::along(&route, 5.0))
     }
 
     fn av(y: f64) -> Body {
@@ -79,18 +84,18 @@ mod tests {
     fn the_outermost_corner_is_measured_and_the_left_of_an_edge_is_road() {
         // The road runs along x between y = -4 and y = 4.
         let road = road(&[(-50.0, -4.0, 50.0, -4.0, 0.0), (50.0, 4.0, -50.0, 4.0, 0.0)]);
-        assert_eq!(road.beyond(&av(0.0)), Some(-3.0));
-        assert_eq!(road.beyond(&av(2.5)), Some(-0.5));
-        assert_eq!(road.beyond(&av(-3.25)), Some(0.25));
+        assert_eq!(road.beyond(&av(0.5)), [-2.5, -3.5, -3.5, -2.5].map(Some));
+        let outermost = |y: f64| outermost(road.beyond(&av(y)));
+        assert_eq!([0.0, 2.5, -3.25].map(outermost), [-3.0, -0.5, 0.25].map(Some));
     }
 
     #[test]
     fn far_from_any_edge_there_is_no_answer() {
-        assert_eq!(road(&[(-50.0, -40.0, 50.0, -40.0, 0.0)]).beyond(&av(0.0)), None);
+        assert_eq!(road(&[(-50.0, -40.0, 50.0, -40.0, 0.0)]).beyond(&av(0.0)), [None; 4]);
     }
 
     #[test]
     fn the_edge_of_the_bridge_above_is_not_ours() {
-        assert_eq!(road(&[(0.0, -50.0, 0.0, 50.0, 6.0)]).beyond(&av(0.0)), None);
+        assert_eq!(road(&[(0.0, -50.0, 0.0, 50.0, 6.0)]).beyond(&av(0.0)), [None; 4]);
     }
 }

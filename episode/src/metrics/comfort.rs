@@ -30,10 +30,52 @@ pub const JERK_BOUND: f64 = 8.37;
 pub struct Sample {
     /// Acceleration along the heading (m/s^2).
     pub acceleration: f64,
-    /// Speed times yaw rate (m/s^2).
+    /// Acceleration across it (m/s^2).
     pub lateral_acceleration: f64,
+    /// Magnitude of the acceleration whose change is felt as jerk (m/s^2).
+    pub magnitude: f64,
     /// Heading (rad).
     pub heading: f64,
+}
+
+/// What a step does to the car.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Ride {
+    /// Change of speed over the step (m/s^2).
+    pub acceleration: f64,
+    /// Speed after it (m/s).
+    pub speed: f64,
+    /// Heading after it (rad).
+    pub heading: f64,
+    /// Change of heading over it (rad/s).
+    pub turning: f64,
+    /// Yaw rate (rad/s) of a bicycle at the speed and with the steering angle after it, which is what nuPlan's model notes.
+    pub yaw_rate: f64,
+}
+
+impl Ride {
+    /// What is felt at the rear axle: what the step drove, and speed times yaw rate across it.
+    #[must_use]
+    pub fn felt(&self) -> Sample {
+        let across = self.speed * self.turning;
+        let magnitude = (self.acceleration * self.acceleration + across * across).sqrt();
+        Sample { acceleration: self.acceleration, lateral_acceleration: across, magnitude, heading: self.heading }
+    }
+
+    /// What nuPlan's code reads (`dynamic_car_state.py`), after a step with yaw rate `before` (rad/s). It moves the rear axle's acceleration
+    /// to the centre, `rear_axle_to_center` (m) ahead, by adding (yaw rate^2 + yaw acceleration) times that way *along* the car; a rigid
+    /// body's is minus and across. Across there is nothing, and jerk is that of the rear axle.
+    #[must_use]
+    pub fn nuplan(&self, before: f64, rear_axle_to_center: f64) -> Sample {
+        let yaw_acceleration = (self.yaw_rate - before) / STEP_SECONDS;
+        Sample {
+            acceleration: self.acceleration
+                + rear_axle_to_center * (self.yaw_rate * self.yaw_rate + yaw_acceleration),
+            lateral_acceleration: 0.0,
+            magnitude: self.acceleration.abs(),
+            heading: self.heading,
+        }
+    }
 }
 
 /// The extremes of a drive, filtered.
@@ -61,13 +103,7 @@ impl Extremes {
     pub fn of(drive: &[Sample]) -> Option<Self> {
         let longitudinal: Vec<f64> = drive.iter().map(|sample| sample.acceleration).collect();
         let lateral: Vec<f64> = drive.iter().map(|sample| sample.lateral_acceleration).collect();
-        let magnitude: Vec<f64> = drive
-            .iter()
-            .map(|sample| {
-                (sample.acceleration * sample.acceleration + sample.lateral_acceleration * sample.lateral_acceleration)
-                    .sqrt()
-            })
-            .collect();
+        let magnitude: Vec<f64> = drive.iter().map(|sample| sample.magnitude).collect();
         let headings = unwrapped(drive.iter().map(|sample| sample.heading));
         let acceleration = filter(SMOOTH, &longitudinal)?;
         let jerk = |signal: &[f64]| filter(JERK, &filter(SMOOTH, signal)?);
@@ -126,6 +162,7 @@ mod tests {
             .map(|step| Sample {
                 acceleration: 0.0,
                 lateral_acceleration: 5.0,
+                magnitude: 5.0,
                 heading: world::geometry::wrap_angle(0.5 * f64::from(step) * STEP_SECONDS),
             })
             .collect();
@@ -146,5 +183,14 @@ mod tests {
     fn three_steps_are_too_few() {
         assert_eq!(Extremes::of(&[Sample::default(); 3]), None);
         assert!(Extremes::of(&[Sample::default(); 4]).is_some());
+    }
+
+    #[test]
+    fn a_tight_turn_is_felt_across_the_car_and_read_along_it_by_nuplan() {
+        // 5 m/s on a circle of 10 m: 2.5 m/s^2 across; nuPlan adds 1.461 m (0.5 rad/s)^2 along.
+        let ride = Ride { speed: 5.0, turning: 0.5, yaw_rate: 0.5, ..Ride::default() };
+        assert_eq!(ride.felt().lateral_acceleration, 2.5);
+        let read = ride.nuplan(0.5, 1.461);
+        assert_eq!((read.acceleration, read.lateral_acceleration, read.magnitude), (1.461 * 0.25, 0.0, 0.0));
     }
 }

@@ -5,7 +5,11 @@ use wire::proto::event::Kind;
 use world::geometry::Pose;
 use world::scene::AgentKind;
 
-use super::{comfort, nuplan, paper};
+use super::comfort::{self, Ride};
+use super::feasibility::{self, Pace};
+use super::{nuplan, paper};
+use crate::judges::lanes::{Driven, WRONG_WAY};
+use crate::judges::rear_axle_to_center;
 use crate::judges::time_to_collision::LEAST_TIME_TO_COLLISION;
 
 /// A drive, and the human's beside it.
@@ -19,10 +23,27 @@ pub struct Drive<'a> {
     pub at_fault: &'a [AgentKind],
     /// The logged AV at each record's log index, if it is there.
     pub human: &'a [Option<Pose>],
-    /// Arc length along the reference line at the start (m).
-    pub start_station: f64,
+    /// How it began.
+    pub start: Start,
+    /// Distance between the AV's axles (m).
+    pub wheelbase: f64,
+    /// What the lanes say, looking back: at the start, then after each record.
+    pub driven: &'a [Driven],
     /// The logged AV's progress along the reference line (m), and the log index where it was last there, up to the horizon.
     pub human_route_progress: Option<(f64, usize)>,
+}
+
+/// The AV where a drive starts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Start {
+    /// Arc length along the reference line (m).
+    pub station: f64,
+    /// m/s.
+    pub speed: f64,
+    /// rad.
+    pub heading: f64,
+    /// rad/s.
+    pub yaw_rate: f64,
 }
 
 impl Drive<'_> {
@@ -30,7 +51,32 @@ impl Drive<'_> {
     fn compared_progress(&self) -> Option<f64> {
         let (_, last) = self.human_route_progress?;
         let compared = self.records.iter().rev().find(|record| record.log_index as usize <= last);
-        Some(compared.map_or(0.0, |record| record.station - self.start_station))
+        Some(compared.map_or(0.0, |record| record.station - self.start.station))
+    }
+
+    fn rides(&self) -> Vec<Ride> {
+        let ride = |record: &proto::StepRecord| {
+            let control = record.control.unwrap_or_default();
+            let speed = speed(record);
+            Ride {
+                acceleration: control.acceleration,
+                speed,
+                heading: pose(record).heading,
+                turning: record.yaw_rate,
+                yaw_rate: speed * libm::tan(control.steering) / self.wheelbase,
+            }
+        };
+        self.records.iter().map(ride).collect()
+    }
+
+    fn is_infeasible(&self) -> bool {
+        let start = Pace { speed: self.start.speed, heading: self.start.heading };
+        let pace = |record| Pace { speed: speed(record), heading: pose(record).heading };
+        let mut before = start;
+        self.records.iter().map(pace).any(|after| {
+            let before = std::mem::replace(&mut before, after);
+            feasibility::is_infeasible(before, after)
+        })
     }
 }
 
@@ -58,6 +104,9 @@ pub struct Facts {
     pub speed_limit_compliance: Option<f64>,
     pub time_to_collision: Option<f64>,
     pub extremes: Option<comfort::Extremes>,
+    /// As nuPlan's code reads them.
+    pub nuplan_extremes: Option<comfort::Extremes>,
+    pub infeasible: bool,
     pub terms: Option<nuplan::Terms>,
 }
 
@@ -73,6 +122,10 @@ impl Facts {
         let human: Option<Vec<Pose>> = drive.human.iter().copied().collect();
         // 3 s after the start is the state after step 29.
         let position_error = |seconds: usize| records.get(seconds * 10 - 1).and_then(|record| record.position_error);
+        let rides = drive.rides();
+        let before = std::iter::once(drive.start.yaw_rate).chain(rides.iter().map(|ride| ride.yaw_rate));
+        let ahead = rear_axle_to_center(drive.wheelbase);
+        let read: Vec<_> = rides.iter().zip(before).map(|(ride, before)| ride.nuplan(before, ahead)).collect();
         let mut facts = Self {
             contacts: counted().count(),
             netted_contacts: collisions().count() - counted().count(),
@@ -87,12 +140,14 @@ impl Facts {
             comfort: paper::comfort(&poses),
             human_comfort: human.map(|human| paper::comfort(&human)).unwrap_or_default(),
             position_errors: [3, 5, 10].map(position_error),
-            route_progress: records.last().map(|record| record.station - drive.start_station),
+            route_progress: records.last().map(|record| record.station - drive.start.station),
             human_route_progress: drive.human_route_progress.map(|(progress, _)| progress),
             compared_progress: drive.compared_progress(),
             speed_limit_compliance: speed_limit_compliance(records),
             time_to_collision: records.iter().filter_map(|record| record.time_to_collision).reduce(f64::min),
-            extremes: comfort::Extremes::of(&records.iter().map(sample).collect::<Vec<_>>()),
+            extremes: comfort::Extremes::of(&rides.iter().map(Ride::felt).collect::<Vec<_>>()),
+            nuplan_extremes: comfort::Extremes::of(&read),
+            infeasible: drive.is_infeasible(),
             terms: None,
         };
         facts.terms = facts.terms_of(drive);
@@ -111,7 +166,7 @@ impl Facts {
     #[must_use]
     pub fn score(&self) -> Option<f64> {
         let score = if self.off_route { 0.0 } else { self.terms?.score() };
-        (self.extremes.is_some() || score == 0.0).then_some(score)
+        (self.nuplan_extremes.is_some() || score == 0.0).then_some(score)
     }
 
     fn terms_of(&self, drive: &Drive<'_>) -> Option<nuplan::Terms> {
@@ -121,8 +176,11 @@ impl Facts {
             None => 1.0,
         };
         let records = drive.records;
-        let backward = records.iter().filter(|record| record.wrong_way).map(|record| record.backward_travel);
-        let overspeed: Vec<f64> = records.iter().map(overspeed).collect();
+        let driven = || records.iter().zip(drive.driven.iter().skip(1));
+        let is_netted = |record: &proto::StepRecord| record.backward_travel >= WRONG_WAY && !record.wrong_way;
+        let backward = driven().filter(|(record, _)| !is_netted(record)).map(|(_, driven)| driven.backward_travel);
+        let overspeed: Vec<f64> =
+            driven().map(|(record, driven)| overspeed(speed(record), driven.speed_limit)).collect();
         let score = |is_kept: bool| f64::from(u8::from(is_kept));
         Some(nuplan::Terms {
             no_collision: nuplan::no_collision(drive.at_fault.iter().copied()),
@@ -133,7 +191,7 @@ impl Facts {
             time_to_collision: score(self.time_to_collision.is_none_or(|time| time >= LEAST_TIME_TO_COLLISION)),
             speed_limit: nuplan::speed_limit(&overspeed),
             // Too short a drive to filter has none, and no score.
-            comfort: score(self.extremes.is_none_or(|extremes| extremes.are_comfortable())),
+            comfort: score(self.nuplan_extremes.is_none_or(|extremes| extremes.are_comfortable())),
         })
     }
 }
@@ -150,20 +208,12 @@ fn speed(record: &proto::StepRecord) -> f64 {
 }
 
 /// Speed above a known limit (m/s), at least 0.
-fn overspeed(record: &proto::StepRecord) -> f64 {
-    if record.speed_limit > 0.0 { (speed(record) - record.speed_limit).max(0.0) } else { 0.0 }
+fn overspeed(speed: f64, limit: f64) -> f64 {
+    if limit > 0.0 { (speed - limit).max(0.0) } else { 0.0 }
 }
 
 fn speed_limit_compliance(records: &[proto::StepRecord]) -> Option<f64> {
     let known: Vec<_> = records.iter().filter(|record| record.speed_limit > 0.0).collect();
-    let kept = known.iter().filter(|record| overspeed(record) == 0.0).count();
+    let kept = known.iter().filter(|record| overspeed(speed(record), record.speed_limit) == 0.0).count();
     (!known.is_empty()).then(|| kept as f64 / known.len() as f64)
-}
-
-fn sample(record: &proto::StepRecord) -> comfort::Sample {
-    comfort::Sample {
-        acceleration: record.control.unwrap_or_default().acceleration,
-        lateral_acceleration: speed(record) * record.yaw_rate,
-        heading: pose(record).heading,
-    }
 }

@@ -7,15 +7,17 @@
 //! | [`authors`] | which of all there are under `paper`, and where they are more forgiving there |
 //! | [`comfort`], [`savitzky_golay`] | nuPlan's comfort bounds and the filter in them |
 //! | [`nuplan`] | nuPlan's closed-loop score, by its code |
+//! | [`feasibility`] | whether a car could have driven so, by Waymax's code |
 
 pub mod authors;
 pub mod comfort;
 mod drive;
+pub mod feasibility;
 pub mod nuplan;
 pub mod paper;
 pub mod savitzky_golay;
 
-pub use drive::{Drive, Facts};
+pub use drive::{Drive, Facts, Start};
 
 /// One metric of an episode.
 #[derive(Clone, Copy)]
@@ -87,14 +89,20 @@ pub const METRICS: &[Metric] = metrics![
     "max_abs_yaw_acceleration_radps2", "rad/s^2", "greatest magnitude of yaw acceleration, filtered (nuPlan: below 1.93)", |f| f.extremes.map(|e| e.yaw_acceleration);
     "max_abs_longitudinal_jerk_mps3", "m/s^3", "greatest magnitude of longitudinal jerk, filtered (nuPlan: below 4.13)", |f| f.extremes.map(|e| e.longitudinal_jerk);
     "max_abs_jerk_mps3", "m/s^3", "greatest magnitude of the change of acceleration's magnitude, filtered (nuPlan: below 8.37)", |f| f.extremes.map(|e| e.jerk);
+    "comfort", "0/1", "all seven extremes above are within nuPlan's bounds", |f| f.extremes.and_then(|e| flag(e.are_comfortable()));
+    "kinematic_infeasibility", "0/1", "no car gets from some state to the next: |acceleration| above 10.4 m/s^2 or |curvature| above 0.3 1/m (Waymax's)", |f| flag(f.infeasible);
+    "nuplan_min_acceleration_mps2", "m/s^2", "least longitudinal acceleration as nuPlan's code reads it (above -4.05)", |f| f.nuplan_extremes.map(|e| e.least_acceleration);
+    "nuplan_max_acceleration_mps2", "m/s^2", "greatest longitudinal acceleration as nuPlan's code reads it (below 2.40)", |f| f.nuplan_extremes.map(|e| e.greatest_acceleration);
+    "nuplan_max_abs_longitudinal_jerk_mps3", "m/s^3", "greatest magnitude of longitudinal jerk as nuPlan's code reads it (below 4.13)", |f| f.nuplan_extremes.map(|e| e.longitudinal_jerk);
+    "nuplan_max_abs_jerk_mps3", "m/s^3", "greatest magnitude of jerk as nuPlan's code reads it (below 8.37)", |f| f.nuplan_extremes.map(|e| e.jerk);
     "nuplan_no_at_fault_collision", "", "NC: 1, 1/2 after one at-fault hit of an object, 0 after any other", |f| f.terms.map(|t| t.no_collision);
-    "nuplan_drivable_area", "", "DAC: 0 if a corner was more than 0.3 m beyond the road's edge", |f| f.terms.map(|t| t.drivable_area);
+    "nuplan_drivable_area", "", "DAC: 0 if a corner was 0.3 m or more beyond the road's edge and outside of the AV's lanes", |f| f.terms.map(|t| t.drivable_area);
     "nuplan_driving_direction", "", "DDC: 1, 1/2 or 0 by the backward travel within a second", |f| f.terms.map(|t| t.direction);
     "nuplan_making_progress", "", "MP: 1 if EP is at least 0.2", |f| f.terms.map(|t| t.making_progress);
     "nuplan_progress", "", "EP: route progress over the human's, both at least 2 m, at most 1", |f| f.terms.map(|t| t.progress);
     "nuplan_time_to_collision", "", "TTC: 1 if the time to collision never falls below 0.95 s", |f| f.terms.map(|t| t.time_to_collision);
     "nuplan_speed_limit", "", "SL: 1 less the mean speed above the limit over 2.23 m/s, at least 0", |f| f.terms.map(|t| t.speed_limit);
-    "nuplan_comfort", "", "C: 1 if all seven filtered extremes are within their bounds", |f| f.extremes.and(f.terms).map(|t| t.comfort);
+    "nuplan_comfort", "", "C: 1 if all extremes, as nuPlan's code reads them, are within their bounds", |f| f.nuplan_extremes.and(f.terms).map(|t| t.comfort);
     "nuplan_score", "", "NC DAC DDC MP (5 EP + 5 TTC + 4 SL + 2 C) / 16; 0 after leaving the route; none of fewer than 4 steps", |f| f.score();
 ];
 

@@ -7,10 +7,10 @@ use world::scene::Scene;
 
 use super::traffic::Traffic;
 use crate::judges::Body;
-use crate::judges::lanes::{LaneReading, LaneTracker, Lanes, WRONG_WAY};
+use crate::judges::lanes::{Driven, LaneReading, LaneTracker, Lanes, WRONG_WAY};
 use crate::judges::level::Level;
 use crate::judges::red_light::{RedStop, RedStops};
-use crate::judges::road::{RoadEdges, TOLERANCE};
+use crate::judges::road::{RoadEdges, TOLERANCE, outermost};
 use crate::metrics::nuplan::OVERSPEED;
 use crate::protocol::StrictSettings;
 
@@ -24,6 +24,8 @@ pub struct Course {
     edges: RoadEdges,
     red_stops: RedStops,
     off_route_distance: f64,
+    /// Of the AV (m).
+    wheelbase: f64,
 }
 
 /// What the judges read of the AV at one step, before netting.
@@ -59,19 +61,20 @@ pub struct Faults {
 }
 
 impl Course {
-    /// The course of `scene` along `route`.
+    /// The course of `scene` along `route`, for an AV whose axles are `wheelbase` (m) apart.
     #[must_use]
-    pub fn of(scene: &Scene, route: Route, settings: &StrictSettings) -> Self {
+    pub fn of(scene: &Scene, route: Route, settings: &StrictSettings, wheelbase: f64) -> Self {
         let line = &route.line;
         let every_metre = (0..line.len()).step_by(10);
         let points: Vec<Point3> = every_metre.map(|at| Point3::new(line.x[at], line.y[at], line.z[at])).collect();
-        let level = Level::along(&points);
+        let level = Level::along(&points, settings.off_route_distance);
         Self {
             traffic: Traffic::of(scene),
             lanes: Lanes::of(scene.map(), &level),
             edges: RoadEdges::of(scene.map(), &level),
             red_stops: RedStops::of(scene, &route.lanes),
             off_route_distance: settings.off_route_distance,
+            wheelbase,
             level,
             route,
         }
@@ -103,11 +106,12 @@ impl Reader {
         self.sample = Some(sample);
         let offset = center - line.point(sample);
         let forward = Point::unit(line.heading[sample]);
-        let lane = self.lanes.read(&course.lanes, av);
-        let road_edge_distance = course.edges.beyond(av);
+        let lane = self.lanes.read(&course.lanes, av, course.wheelbase);
+        let beyond = course.edges.beyond(av);
         let front = av.outline.front();
         let front_way = self.front.replace(front).map(|start| Segment { start, end: front });
-        let beyond = |limit: f64| road_edge_distance.is_some_and(|distance| distance > limit);
+        let outside = |(edge, lanes): (Option<f64>, f64)| edge.is_some_and(|edge| edge.min(lanes) >= TOLERANCE);
+        let road_edge_distance = outermost(beyond);
         Reading {
             sample,
             station: sample as f64 * SAMPLE_SPACING + forward.dot(offset),
@@ -118,12 +122,20 @@ impl Reader {
             front_way,
             faults: Faults {
                 off_route: route_distance > course.off_route_distance,
-                off_road: beyond(0.0),
-                outside_drivable_area: beyond(TOLERANCE),
+                off_road: road_edge_distance.is_some_and(|distance| distance > 0.0),
+                outside_drivable_area: beyond.into_iter().zip(lane.corners_outside).any(outside),
                 wrong_way: lane.backward_travel >= WRONG_WAY,
                 speeding: lane.speed_limit > 0.0 && av.speed - lane.speed_limit > OVERSPEED,
             },
         }
+    }
+}
+
+impl Reader {
+    /// What the lanes say of all readings so far, the first included, now that it is known where the AV went.
+    #[must_use]
+    pub fn settle(&self, course: &Course) -> Vec<Driven> {
+        self.lanes.settle(&course.lanes)
     }
 }
 

@@ -24,7 +24,7 @@ use self::course::{Course, Human, Reader};
 use self::referee::{Moment, Referee};
 use crate::advance::{Advance, Undrivable, control_between, steering_of};
 use crate::judges::Body;
-use crate::metrics::{self, Drive};
+use crate::metrics::{self, Drive, Start};
 use crate::protocol::{EndingCollision, Motion, StrictSettings};
 use crate::tracker;
 
@@ -44,7 +44,7 @@ pub(super) struct Strict {
     height: f64,
     /// Nearest sample of the reference line.
     sample: usize,
-    start_station: f64,
+    begun: Start,
 }
 
 impl Strict {
@@ -57,18 +57,25 @@ impl Strict {
     ) -> Result<Self, Undrivable> {
         let start = settings.start as usize;
         let route = Route::of_log(scene, RouteStyle::Strict)?;
-        let course = Course::of(scene, route, &settings);
-        let human = Human::of(scene, &course, start, end);
         let vehicle = settings.vehicle(state.length)?;
+        let course = Course::of(scene, route, &settings, vehicle.wheelbase);
+        let human = Human::of(scene, &course, start, end);
         let av = Body { speed: state.velocity().dot(Point::unit(state.heading)).max(0.0), ..Body::of(state) };
         let mut reader = Reader::default();
         let reading = reader.read(&course, &av);
         let height = state.z - course.level.height(state.position()).unwrap_or(state.z);
+        let steering = logged_steering(scene, start, &vehicle);
+        let begun = Start {
+            station: reading.station,
+            speed: av.speed,
+            heading: state.heading,
+            yaw_rate: vehicle.yaw_rate(av.speed, steering),
+        };
         Ok(Self {
-            control: Control { acceleration: 0.0, steering: logged_steering(scene, start, &vehicle) },
+            control: Control { acceleration: 0.0, steering },
             referee: Referee::new(scene, &course.traffic, vehicle.wheelbase),
             limits: settings.limits(),
-            start_station: reading.station,
+            begun,
             sample: reading.sample,
             settings,
             vehicle,
@@ -134,7 +141,9 @@ impl Strict {
             events,
             at_fault: self.referee.at_fault(),
             human,
-            start_station: self.start_station,
+            start: self.begun,
+            wheelbase: self.vehicle.wheelbase,
+            driven: &self.reader.settle(&self.course),
             human_route_progress: self.human.route_progress(),
         })
     }

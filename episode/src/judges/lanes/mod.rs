@@ -1,18 +1,26 @@
 //! Which lane the AV is in, whether its box lies wholly in one, how far it has driven against a lane's direction, and how
-//! fast it may go there: what nuPlan asks its lane polygons for.
+//! fast it may go there: what nuPlan asks its lane polygons for, asked as nuPlan asks.
 //!
 //! WOMD has center lines and, along most of them, boundaries. What stands for a polygon is the strip from one boundary to
-//! the other (`strip.rs`). As in nuPlan, the AV's lane is kept while it holds the AV's centre, then looked for among the lanes
-//! that it leads to, then in the whole map. In an intersection many lanes hold the same point; nuPlan picks by where the AV ends
-//! up, we by the direction it looks to.
+//! the other. An intersection's lanes stand for nuPlan's lane connectors.
+//!
+//! | module | what |
+//! | --- | --- |
+//! | `strip` | lanes as strips of ground; which of them hold a point |
+//! | `driven` | the lanes of the AV's centre: direction, speed limit |
+//! | `corners` | the lanes of the box's corners: whether it is in one lane |
 
+mod corners;
+mod driven;
 mod strip;
 
 use world::plan::STEP_SECONDS;
 
-use self::strip::{ALIGNED, Place, nearer};
+use self::corners::{Corners, in_one_lane};
+use self::driven::DrivenLanes;
 use super::Body;
 
+pub use self::driven::Driven;
 pub use self::strip::Lanes;
 
 /// Metres driven against a lane within a second from which on the AV drives the wrong way (nuPlan's compliance threshold).
@@ -21,102 +29,57 @@ pub const WRONG_WAY: f64 = 2.0;
 /// Samples of that second, both ends included.
 const SECOND: usize = 1 + (1.0 / STEP_SECONDS) as usize;
 
-/// So far (m) outside of its lane the AV still follows it in an intersection (nuPlan's distance).
-const CUTTING: f64 = 5.0;
-
 /// What the lanes say of the AV at one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LaneReading {
-    /// Whether its box lies wholly in one lane, or in one and those it leads to or comes from.
+    /// Whether its box lies wholly in one lane, or across ones that lead into each other.
     pub in_one_lane: bool,
-    /// Whether its lane is one of an intersection.
+    /// Whether its rear axle is in an intersection.
     pub in_intersection: bool,
     /// Metres driven against the lane's direction in the last second, never negative.
     pub backward_travel: f64,
     /// m/s, 0 where it is not known.
     pub speed_limit: f64,
+    /// For each corner of its box how far (m) it is outside of the lanes that its centre is in; 0 where any lane holds it, infinite
+    /// where no lane holds the centre.
+    pub corners_outside: [f64; 4],
 }
 
 /// Follows the AV from lane to lane.
 #[derive(Clone, Debug, Default)]
 pub struct LaneTracker {
-    /// The AV's lane, and its segment in it.
-    lane: Option<(usize, usize)>,
-    /// The lane that the last progress was measured in, and the AV's station in it.
-    measured: Option<(usize, Option<f64>)>,
-    /// Progress along the lane (m) at each of the last samples.
-    progress: [f64; SECOND],
-    next: usize,
+    driven: DrivenLanes,
+    corners: Corners,
 }
 
 impl LaneTracker {
-    /// The reading at the next step.
-    pub fn read(&mut self, lanes: &Lanes, av: &Body) -> LaneReading {
-        let found = self.find(lanes, av);
-        self.lane = found.map(|(lane, place)| (lane, place.segment));
-        self.progress[self.next] = found.map_or(0.0, |(lane, place)| self.measure(lane, place.station));
-        self.next = (self.next + 1) % SECOND;
-        let strip = found.map(|(lane, _)| &lanes.strips[lane]);
+    /// The reading at the next step, of an AV whose axles are `wheelbase` (m) apart.
+    pub fn read(&mut self, lanes: &Lanes, av: &Body, wheelbase: f64) -> LaneReading {
+        let forward = av.outline.forward;
+        let center = av.outline.center;
+        let Driven { backward_travel, speed_limit } =
+            self.driven.read(lanes, center, &lanes.holding(center, forward));
+        let places = av.outline.corners();
+        let corners = self.corners.read(lanes, &places.map(|corner| lanes.holding(corner, forward)));
+        let outside = |corner: usize| {
+            let from_centre = self.driven.now().iter().map(|lane| lanes.distance(*lane, places[corner]));
+            if corners[corner].is_empty() { from_centre.fold(f64::INFINITY, f64::min) } else { 0.0 }
+        };
         LaneReading {
-            in_one_lane: found.is_some_and(|(lane, place)| in_one_lane(lanes, lane, place.segment, av)),
-            in_intersection: strip.is_some_and(|strip| strip.intersection),
-            backward_travel: (-self.progress.iter().sum::<f64>()).max(0.0),
-            speed_limit: strip.map_or(0.0, |strip| strip.speed_limit),
+            in_one_lane: in_one_lane(lanes, &corners),
+            in_intersection: lanes.is_intersection(av.rear_axle(wheelbase)),
+            backward_travel,
+            speed_limit,
+            corners_outside: std::array::from_fn(outside),
         }
     }
 
-    fn find(&self, lanes: &Lanes, av: &Body) -> Option<(usize, Place)> {
-        let (center, forward) = (av.outline.center, av.outline.forward);
-        let current = self.lane.map(|(lane, segment)| (lane, lanes.strips[lane].place(segment, center, forward)));
-        if let Some((lane, place)) = current {
-            if place.is_way(0.0) {
-                return current;
-            }
-            let exits = lanes.strips[lane].exits.iter();
-            let exits = exits.map(|exit| (*exit, lanes.strips[*exit].place(0, center, forward)));
-            let best = exits.filter(|(_, place)| place.is_way(0.0)).min_by(nearer);
-            if best.is_some() {
-                return best;
-            }
-        }
-        // One that points the AV's way before one that crosses it, that before one that comes towards it.
-        let candidates = lanes.holding(center, forward);
-        let aligned = candidates.iter().filter(|(_, place)| place.alignment >= ALIGNED).min_by(nearer);
-        let found = aligned
-            .or_else(|| candidates.iter().max_by(|a, b| a.1.alignment.total_cmp(&b.1.alignment).then(b.0.cmp(&a.0))));
-        // Who cuts a corner within an intersection keeps his lane, rather than take one that only crosses it.
-        let in_intersection = |lane: usize| lanes.strips[lane].intersection;
-        let kept = current.filter(|(lane, place)| in_intersection(*lane) && place.is_way(CUTTING));
-        let leads_on = |(lane, place): (usize, Place)| !in_intersection(lane) && place.alignment >= ALIGNED;
-        kept.filter(|_| !found.is_some_and(leads_on)).or(found)
+    /// What the samples so far say of direction and speed limit, now that it is known where the AV went: in an intersection that tells
+    /// which of several lanes it drove in.
+    #[must_use]
+    pub fn settle(&self, lanes: &Lanes) -> Vec<Driven> {
+        self.driven.settle(lanes)
     }
-
-    /// Progress in `lane` since the last sample (m), as nuPlan counts it: none at the first two samples in a new lane.
-    fn measure(&mut self, lane: usize, station: f64) -> f64 {
-        match self.measured {
-            Some((same, before)) if same == lane => {
-                self.measured = Some((lane, Some(station)));
-                before.map_or(0.0, |before| station - before)
-            }
-            Some(_) => {
-                self.measured = Some((lane, None));
-                0.0
-            }
-            None => {
-                self.measured = Some((lane, Some(station)));
-                0.0
-            }
-        }
-    }
-}
-
-fn in_one_lane(lanes: &Lanes, lane: usize, segment: usize, av: &Body) -> bool {
-    let corners = av.outline.corners();
-    lanes.holds_all(lane, segment, &corners)
-        || lanes
-            .holding(av.outline.center, av.outline.forward)
-            .iter()
-            .any(|(other, place)| other != lane && lanes.holds_all(other, place.segment, &corners))
 }
 
 #[cfg(test)]
@@ -124,6 +87,7 @@ mod tests {
     use world::geometry::{Point3, Pose};
     use world::map::{BoundarySegment, Lane, LaneKind, Map, MapId, RoadLine, RoadLineKind};
     use world::scene::AgentState;
+    use world::vehicle::WHEELBASE;
 
     use super::*;
     use crate::judges::level::Level;
@@ -140,7 +104,7 @@ mod tests {
     }
 
     fn lanes(map: &Map) -> Lanes {
-        Lanes::of(map, &Level::along(&[Point3::new(-60.0, 0.0, 0.0), Point3::new(60.0, 0.0, 0.0)]))
+        Lanes::of(map, &Level::along(&[Point3::new(-60.0, 0.0, 0.0), Point3::new(60.0, 0.0, 0.0)], 5.0))
     }
 
     fn av(x: f64, y: f64, heading: f64) -> Body {
@@ -151,7 +115,7 @@ mod tests {
     fn read(map: &Map, at: &[Body]) -> LaneReading {
         let lanes = lanes(map);
         let mut tracker = LaneTracker::default();
-        at.iter().map(|av| tracker.read(&lanes, av)).last().unwrap_or_default()
+        at.iter().map(|av| tracker.read(&lanes, av, WHEELBASE)).last().unwrap_or_default()
     }
 
     #[test]

@@ -16,11 +16,11 @@ const WIDEST: f64 = 4.0;
 /// Segments at either end of a lane at which it may cross another without being in an intersection.
 const END_SEGMENTS: usize = 2;
 
-/// The most lanes that are looked at around a point.
-const CANDIDATES: usize = 32;
+/// Ground that no lane holds belongs to an intersection up to this far (m) from one of its lanes.
+const WITHIN_INTERSECTION: f64 = 5.0;
 
-/// cos 45 degrees: a lane is the AV's way if it points within that of where the AV looks.
-pub(super) const ALIGNED: f64 = std::f64::consts::FRAC_1_SQRT_2;
+/// cos 45 degrees: a lane points the AV's way if it points within that of where the AV looks.
+const ALIGNED: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// A lane as a strip.
 #[derive(Clone, Debug)]
@@ -31,47 +31,56 @@ pub(super) struct Strip {
     /// Half width (m) to the left and to the right at each point.
     widths: Vec<[f64; 2]>,
     entries: Vec<usize>,
-    pub(super) exits: Vec<usize>,
+    exits: Vec<usize>,
     /// m/s, 0 where it is not known.
-    pub(super) speed_limit: f64,
-    pub(super) intersection: bool,
+    speed_limit: f64,
+    /// Whether it is one of an intersection: what nuPlan calls a lane connector.
+    connector: bool,
     /// Number of its first segment in the grid.
     first_segment: usize,
 }
 
 /// A point's place in a lane.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
-    pub(super) segment: usize,
-    pub(super) station: f64,
+struct Place {
+    station: f64,
     /// Distance to the center line (m).
     distance: f64,
-    /// How far outside of the strip (m), 0 within; infinite before the lane's start and beyond its end.
+    /// How far outside of the strip (m), 0 within.
     outside: f64,
     /// Cosine of the angle between the lane and where the body looks.
-    pub(super) alignment: f64,
+    alignment: f64,
 }
 
 impl Place {
-    fn is_inside(&self) -> bool {
-        self.outside == 0.0
-    }
-
-    /// Whether the body is in the lane, or `margin` (m) beside it, and looks its way.
-    pub(super) fn is_way(&self, margin: f64) -> bool {
-        self.outside <= margin && self.alignment >= ALIGNED
+    fn is_aligned(&self) -> bool {
+        self.alignment >= ALIGNED
     }
 }
 
-/// By distance to the center line, then in the map's order.
-pub(super) fn nearer(a: &(usize, Place), b: &(usize, Place)) -> std::cmp::Ordering {
-    a.1.distance.total_cmp(&b.1.distance).then(a.0.cmp(&b.0))
+/// The lanes that hold a point: those that point the body's way first, the nearer before the farther; then the others, the better aligned
+/// before the worse; then in the map's order.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Held(Vec<(usize, Place)>);
+
+impl Held {
+    fn contains(&self, lane: usize) -> bool {
+        self.0.iter().any(|(held, _)| *held == lane)
+    }
+
+    fn sort(&mut self) {
+        let rank = |place: &Place| if place.is_aligned() { (0_u8, place.distance) } else { (1, -place.alignment) };
+        self.0.sort_by(|a, b| {
+            let (one, other) = (rank(&a.1), rank(&b.1));
+            one.0.cmp(&other.0).then(one.1.total_cmp(&other.1)).then(a.0.cmp(&b.0))
+        });
+    }
 }
 
 /// The lanes around the route that cars drive on.
 #[derive(Clone, Debug)]
 pub struct Lanes {
-    pub(super) strips: Vec<Strip>,
+    strips: Vec<Strip>,
     grid: SegmentGrid,
 }
 
@@ -101,11 +110,7 @@ impl Lanes {
         let chains = strips.iter().enumerate().map(|(index, strip)| (index as u32, strip.points.iter().copied()));
         let mut lanes = Self { grid: SegmentGrid::new(chains, 4.0), strips };
         for index in 0..lanes.strips.len() {
-            lanes.strips[index].intersection |= lanes.is_crossed(index);
-        }
-        let limits: Vec<f64> = lanes.strips.iter().map(|strip| strip.speed_limit).collect();
-        for strip in &mut lanes.strips {
-            strip.set_connector_limit(&limits);
+            lanes.strips[index].connector |= lanes.is_crossed(index);
         }
         lanes
     }
@@ -129,32 +134,100 @@ impl Lanes {
         })
     }
 
-    /// The lanes that hold `point`, each with its place, up to [`CANDIDATES`]; in no order to rely on.
-    pub(super) fn holding(&self, point: Point, forward: Point) -> Candidates {
-        let mut found = Candidates::default();
+    /// The lanes that hold `point`, for a body that looks `forward`.
+    pub(super) fn holding(&self, point: Point, forward: Point) -> Held {
+        let mut found = Held::default();
         self.grid.for_each_near(point, WIDEST, |segment| {
             let lane = self.grid.payload(segment) as usize;
-            if found.iter().all(|(known, _)| known != lane) {
+            if !found.contains(lane) {
                 let strip = &self.strips[lane];
                 let place = strip.place(segment - strip.first_segment, point, forward);
-                if place.is_inside() {
-                    found.push(lane, place);
+                if place.outside == 0.0 {
+                    found.0.push((lane, place));
                 }
             }
         });
+        found.sort();
         found
     }
 
-    /// Whether each corner lies in `lane` or in one that it leads to or comes from.
-    pub(super) fn holds_all(&self, lane: usize, segment: usize, corners: &[Point; 4]) -> bool {
-        let strip = &self.strips[lane];
-        corners.iter().all(|corner| {
-            let inside =
-                |lane: usize, from: usize| self.strips[lane].place(from, *corner, Point::default()).is_inside();
-            inside(lane, segment)
-                || strip.exits.iter().any(|exit| inside(*exit, 0))
-                || strip.entries.iter().any(|entry| inside(*entry, self.strips[*entry].points.len() - 2))
-        })
+    /// Those of `before` that hold the point still, or, where there was one alone, what it leads to (nuPlan:
+    /// `get_route_obj_with_candidates`).
+    pub(super) fn follow(&self, before: &[usize], held: &Held) -> Vec<usize> {
+        let kept: Vec<usize> = before.iter().copied().filter(|lane| held.contains(*lane)).collect();
+        match before {
+            [only] if kept.is_empty() => {
+                self.exits(*only).iter().copied().filter(|lane| held.contains(*lane)).collect()
+            }
+            _ => kept,
+        }
+    }
+
+    /// The lane that holds the point, else all connectors that do (nuPlan: `get_current_route_objects`). Its lanes do not lie on each
+    /// other; ours do, where the map does not mark an intersection, and there what points the AV's way comes first.
+    pub(super) fn search(&self, held: &Held) -> Vec<usize> {
+        let mut lanes = held.0.iter().filter(|(lane, _)| !self.is_connector(*lane));
+        let mut connectors = held.0.iter().filter(|(lane, _)| self.is_connector(*lane)).peekable();
+        let lane = lanes.next();
+        let oncoming = lane.is_some_and(|(_, place)| !place.is_aligned());
+        match lane {
+            Some((lane, _)) if !(oncoming && connectors.peek().is_some_and(|(_, place)| place.is_aligned())) => {
+                vec![*lane]
+            }
+            _ => connectors.map(|(lane, _)| *lane).collect(),
+        }
+    }
+
+    pub(super) fn is_connector(&self, lane: usize) -> bool {
+        self.strips[lane].connector
+    }
+
+    pub(super) fn exits(&self, lane: usize) -> &[usize] {
+        &self.strips[lane].exits
+    }
+
+    pub(super) fn entries(&self, lane: usize) -> &[usize] {
+        &self.strips[lane].entries
+    }
+
+    /// How far (m) `point` is outside of `lane`, 0 within.
+    pub(super) fn distance(&self, lane: usize, point: Point) -> f64 {
+        self.strips[lane].nearest_place(point).outside
+    }
+
+    /// Arc length (m) along `lane` at which it is nearest to `point`.
+    pub(super) fn station(&self, lane: usize, point: Point) -> f64 {
+        self.strips[lane].nearest_place(point).station
+    }
+
+    /// The speed limit (m/s) for an AV in these lanes, 0 where it is not known: a lane's own; of connectors the largest of what they join,
+    /// if all of that is known (nuPlan: `speed_limit_compliance.py`), and their own where they join nothing.
+    pub(super) fn speed_limit(&self, lanes: &[usize]) -> f64 {
+        let own = |lane: &usize| self.strips[*lane].speed_limit;
+        let around = || lanes.iter().flat_map(|lane| self.exits(*lane).iter().chain(self.entries(*lane)));
+        let largest = |limits: &mut dyn Iterator<Item = f64>| {
+            limits.try_fold(0.0, |largest: f64, limit| (limit > 0.0).then(|| largest.max(limit))).unwrap_or(0.0)
+        };
+        match lanes {
+            [lane, ..] if !self.is_connector(*lane) => own(lane),
+            _ if around().next().is_some() => largest(&mut around().map(own)),
+            _ => largest(&mut lanes.iter().map(own)),
+        }
+    }
+
+    /// Whether `point` is in an intersection: on one of its lanes, or on no lane and beside one of its.
+    pub(super) fn is_intersection(&self, point: Point) -> bool {
+        let held = self.holding(point, Point::default());
+        if !held.0.is_empty() {
+            return held.0.iter().any(|(lane, _)| self.is_connector(*lane));
+        }
+        let mut beside = false;
+        self.grid.for_each_near(point, WIDEST + WITHIN_INTERSECTION, |segment| {
+            let lane = self.grid.payload(segment) as usize;
+            beside = beside
+                || (self.is_connector(lane) && self.distance(lane, point) < WITHIN_INTERSECTION);
+        });
+        beside
     }
 }
 
@@ -215,54 +288,62 @@ impl Strip {
             entries: linked(&lane.entries),
             exits: linked(&lane.exits),
             speed_limit: lane.speed_limit().unwrap_or(0.0),
-            intersection: lane.interpolating,
+            connector: lane.interpolating,
             first_segment,
             points,
         }
     }
 
-    /// In an intersection the larger limit of the lanes before and after counts, if all are known (nuPlan's rule for
-    /// connectors).
-    fn set_connector_limit(&mut self, limits: &[f64]) {
-        let around = self.entries.iter().chain(&self.exits).map(|lane| limits[*lane]);
-        if self.intersection && around.clone().count() > 0 && around.clone().all(|limit| limit > 0.0) {
-            self.speed_limit = around.fold(0.0, f64::max);
-        }
-    }
-
     /// The place of `point`, looked for from segment `from` on downhill: lanes are smooth, and `from` is near.
-    pub(super) fn place(&self, from: usize, point: Point, forward: Point) -> Place {
-        let at = |index: usize| {
-            let segment = Segment { start: self.points[index], end: self.points[index + 1] };
-            (segment, segment.nearest_to(point))
-        };
+    fn place(&self, from: usize, point: Point, forward: Point) -> Place {
         let last = self.points.len() - 2;
-        let (mut index, mut best) = (from.min(last), at(from.min(last)));
+        let distance = |index: usize| self.segment(index).nearest_to(point).distance_squared;
+        let (mut index, mut least) = (from.min(last), distance(from.min(last)));
         for step in [1_isize, -1] {
             while let Some(next) = index.checked_add_signed(step).filter(|next| *next <= last) {
-                let candidate = at(next);
-                if candidate.1.distance_squared >= best.1.distance_squared {
+                let candidate = distance(next);
+                if candidate >= least {
                     break;
                 }
-                (index, best) = (next, candidate);
+                (index, least) = (next, candidate);
             }
         }
-        let (segment, nearest) = best;
+        self.place_at(index, point, forward)
+    }
+
+    /// The place of `point`, however far away it is.
+    fn nearest_place(&self, point: Point) -> Place {
+        let distance = |index: &usize| self.segment(*index).nearest_to(point).distance_squared;
+        let nearest = (0..self.points.len() - 1).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        self.place_at(nearest.unwrap_or(0), point, Point::default())
+    }
+
+    fn segment(&self, index: usize) -> Segment {
+        Segment { start: self.points[index], end: self.points[index + 1] }
+    }
+
+    /// The place of `point`, whose nearest segment is number `index`.
+    fn place_at(&self, index: usize, point: Point, forward: Point) -> Place {
+        let segment = self.segment(index);
+        let nearest = segment.nearest_to(point);
         let along = segment.vector();
         let length = self.stations[index + 1] - self.stations[index];
         let offset = point - segment.start;
         // Unclamped, to see what lies before the lane's start or beyond its end.
         let ahead = offset.dot(along) / length;
-        let beyond = (index == 0 && ahead < 0.0) || (index == last && ahead > length);
+        let before = if index == 0 { (-ahead).max(0.0) } else { 0.0 };
+        let behind = if index + 2 == self.points.len() { (ahead - length).max(0.0) } else { 0.0 };
+        let beyond = before.max(behind);
         let distance = nearest.distance_squared.sqrt();
-        let side = usize::from(along.cross(offset) < 0.0);
-        let width =
-            self.widths[index][side] * (1.0 - nearest.fraction) + self.widths[index + 1][side] * nearest.fraction;
+        let side = along.cross(offset);
+        let across = if beyond > 0.0 { side.abs() / length } else { distance };
+        let widths = [self.widths[index], self.widths[index + 1]].map(|widths| widths[usize::from(side < 0.0)]);
+        let width = widths[0] * (1.0 - nearest.fraction) + widths[1] * nearest.fraction;
+        let beside = (across - width).max(0.0);
         Place {
-            segment: index,
             station: self.stations[index] + length * nearest.fraction,
             distance,
-            outside: if beyond { f64::INFINITY } else { (distance - width).max(0.0) },
+            outside: if beyond > 0.0 { (beyond * beyond + beside * beside).sqrt() } else { beside },
             alignment: along.dot(forward) / length,
         }
     }
@@ -271,24 +352,4 @@ impl Strip {
 /// Whether two segments cross, each at an inner point of the other.
 fn cross(a: &Segment, b: &Segment) -> bool {
     a.side(b.start) * a.side(b.end) < 0.0 && b.side(a.start) * b.side(a.end) < 0.0
-}
-
-/// A handful of lanes, without allocation.
-#[derive(Default)]
-pub(super) struct Candidates {
-    lanes: [Option<(usize, Place)>; CANDIDATES],
-    count: usize,
-}
-
-impl Candidates {
-    fn push(&mut self, lane: usize, place: Place) {
-        if self.count < CANDIDATES {
-            self.lanes[self.count] = Some((lane, place));
-            self.count += 1;
-        }
-    }
-
-    pub(super) fn iter(&self) -> impl Iterator<Item = (usize, Place)> + '_ {
-        self.lanes[..self.count].iter().flatten().copied()
-    }
 }
