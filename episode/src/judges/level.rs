@@ -37,8 +37,7 @@ impl Level {
         let reach = corridor + MARGIN;
         let least = |of: fn(&Point3) -> f64| points.iter().map(of).fold(f64::INFINITY, f64::min) - reach;
         let greatest = |of: fn(&Point3) -> f64| points.iter().map(of).fold(f64::NEG_INFINITY, f64::max) + reach;
-        let bounds =
-            (Point::new(least(|p| p.x), least(|p| p.y)), Point::new(greatest(|p| p.x), greatest(|p| p.y)));
+        let bounds = (Point::new(least(|p| p.x), least(|p| p.y)), Point::new(greatest(|p| p.x), greatest(|p| p.y)));
         Self { grid: SegmentGrid::new([(0, points.iter().map(|point| point.xy()))], CELL), heights, bounds }
     }
 

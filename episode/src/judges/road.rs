@@ -28,14 +28,8 @@ impl RoadEdges {
     /// The edges of `map` that are on the route's level.
     #[must_use]
     pub fn of(map: &Map, level: &Level) -> Self {
-        let mut chains: Vec<(u32, Vec<Point>)> = Vec::new();
-        for (index, edge) in map.road_edges.iter().enumerate() {
-            // A run of points on our level is a chain; one alone is no edge.
-            let runs = edge.polyline.split(|point| !level.holds(*point));
-            let runs = runs.filter(|run| run.len() > 1);
-            chains.extend(runs.map(|run| (index as u32, run.iter().map(|point| point.xy()).collect())));
-        }
-        Self { grid: SegmentGrid::new(chains, CELL) }
+        let chains = chains(map, level).into_iter().enumerate();
+        Self { grid: SegmentGrid::new(chains.map(|(index, chain)| (index as u32, chain)), CELL) }
     }
 
     /// How far each of the box's corners, in their order, is beyond the road's edge (m): negative on the road, `None` where no edge is
@@ -48,6 +42,13 @@ impl RoadEdges {
             Some(if nearest.beyond_end { -nearest.distance() } else { -nearest.signed_distance })
         })
     }
+}
+
+/// The road edges of `map`, as far as they are on the route's level: a run of points that are is a chain; one alone is no edge.
+#[must_use]
+pub fn chains(map: &Map, level: &Level) -> Vec<Vec<Point>> {
+    let runs = map.road_edges.iter().flat_map(|edge| edge.polyline.split(|point| !level.holds(*point)));
+    runs.filter(|run| run.len() > 1).map(|run| run.iter().map(|point| point.xy()).collect()).collect()
 }
 
 /// How far the outermost of the corners is beyond the road's edge (m), if that is known of any.
@@ -84,7 +85,7 @@ mod tests {
     fn the_outermost_corner_is_measured_and_the_left_of_an_edge_is_road() {
         // The road runs along x between y = -4 and y = 4.
         let road = road(&[(-50.0, -4.0, 50.0, -4.0, 0.0), (50.0, 4.0, -50.0, 4.0, 0.0)]);
-        assert_eq!(road.beyond(&av(0.5)), [-2.5, -3.5, -3.5, -2.5].map(Some));
+        assert_eq!(road.beyond(&av(0.5)), [-2.5, -2.5, -3.5, -3.5].map(Some));
         let outermost = |y: f64| outermost(road.beyond(&av(y)));
         assert_eq!([0.0, 2.5, -3.25].map(outermost), [-3.0, -0.5, 0.25].map(Some));
     }

@@ -69,8 +69,7 @@ impl Ride {
     pub fn nuplan(&self, before: f64, rear_axle_to_center: f64) -> Sample {
         let yaw_acceleration = (self.yaw_rate - before) / STEP_SECONDS;
         Sample {
-            acceleration: self.acceleration
-                + rear_axle_to_center * (self.yaw_rate * self.yaw_rate + yaw_acceleration),
+            acceleration: self.acceleration + rear_axle_to_center * (self.yaw_rate * self.yaw_rate + yaw_acceleration),
             lateral_acceleration: 0.0,
             magnitude: self.acceleration.abs(),
             heading: self.heading,

@@ -80,6 +80,18 @@ impl Course {
         }
     }
 
+    /// The lanes that cars drive on, as the judges see them.
+    #[must_use]
+    pub fn lanes(&self) -> &Lanes {
+        &self.lanes
+    }
+
+    /// The level of the route.
+    #[must_use]
+    pub fn level(&self) -> &Level {
+        &self.level
+    }
+
     /// The stops that an AV so read crosses at red at `log_index`.
     pub(super) fn red_stops_crossed(&self, log_index: usize, reading: &Reading) -> impl Iterator<Item = &RedStop> {
         reading.front_way.into_iter().flat_map(move |way| self.red_stops.crossed(log_index, way))

@@ -52,7 +52,8 @@ impl DrivenLanes {
         let found = lanes.search(held);
         let within_intersection = found.first().is_none_or(|lane| lanes.is_connector(*lane));
         // nuPlan asks this from its third sample on.
-        if self.samples.len() > 1 && before.first().is_some_and(|lane| lanes.is_connector(*lane)) && within_intersection {
+        if self.samples.len() > 1 && before.first().is_some_and(|lane| lanes.is_connector(*lane)) && within_intersection
+        {
             let near = before.iter().copied().filter(|lane| lanes.distance(*lane, center) < CUTTING);
             let near: Vec<usize> = near.collect();
             if !near.is_empty() {
@@ -104,10 +105,7 @@ impl Travel {
         self.ways[self.next] = driven.first().map_or(0.0, |lane| self.way(*lane, lanes.station(*lane, center)));
         self.next = (self.next + 1) % SECOND;
         self.begun = true;
-        Driven {
-            backward_travel: (-self.ways.iter().sum::<f64>()).max(0.0),
-            speed_limit: lanes.speed_limit(driven),
-        }
+        Driven { backward_travel: (-self.ways.iter().sum::<f64>()).max(0.0), speed_limit: lanes.speed_limit(driven) }
     }
 
     /// None at the first two samples in a new lane, but for the very first of the drive; none to the lane's very start.

@@ -21,7 +21,7 @@ use self::driven::DrivenLanes;
 use super::Body;
 
 pub use self::driven::Driven;
-pub use self::strip::Lanes;
+pub use self::strip::{Lanes, Strip};
 
 /// Metres driven against a lane within a second from which on the AV drives the wrong way (nuPlan's compliance threshold).
 pub const WRONG_WAY: f64 = 2.0;
@@ -57,8 +57,7 @@ impl LaneTracker {
     pub fn read(&mut self, lanes: &Lanes, av: &Body, wheelbase: f64) -> LaneReading {
         let forward = av.outline.forward;
         let center = av.outline.center;
-        let Driven { backward_travel, speed_limit } =
-            self.driven.read(lanes, center, &lanes.holding(center, forward));
+        let Driven { backward_travel, speed_limit } = self.driven.read(lanes, center, &lanes.holding(center, forward));
         let places = av.outline.corners();
         let corners = self.corners.read(lanes, &places.map(|corner| lanes.holding(corner, forward)));
         let outside = |corner: usize| {
@@ -165,8 +164,78 @@ mod tests {
         let reading = read(&map, &[av(5.0, 0.0, 0.0)]);
         assert!(reading.in_intersection && (reading.speed_limit - 40.0 * 0.447_04).abs() < 1e-9, "{reading:?}");
         assert!(!read(&map, &[av(-40.0, 0.0, 0.0)]).in_intersection);
-        // Where both hold it, its heading decides.
-        assert!(read(&map, &[av(0.3, 0.0, 1.57)]).speed_limit == 0.0);
+    }
+
+    #[test]
+    fn an_intersection_begins_where_the_rear_axle_enters_it() {
+        let mut within = lane(2, (0.0, 0.0), (40.0, 0.0));
+        within.interpolating = true;
+        let map = Map { lanes: vec![lane(1, (-40.0, 0.0), (0.0, 0.0)), within], ..Map::default() };
+        assert!(!read(&map, &[av(1.4, 0.0, 0.0)]).in_intersection, "1.461 m from centre to rear axle");
+        assert!(read(&map, &[av(1.5, 0.0, 0.0)]).in_intersection);
+        // On no lane, but beside one of the intersection's.
+        assert!(read(&map, &[av(20.0, 5.0, 0.0)]).in_intersection);
+        assert!(!read(&map, &[av(20.0, 8.0, 0.0)]).in_intersection);
+    }
+
+    #[test]
+    fn a_lane_is_kept_against_its_direction_as_long_as_it_holds_the_centre() {
+        // Two lanes on each other that point a little apart: which fits the heading better changes from step to step.
+        let wriggling = |id, sign: f64| {
+            let point = |step: i32| {
+                let x = 20.0 - f64::from(step);
+                Point3::new(x, sign * 0.02 * (x * 1.7).sin(), 0.0)
+            };
+            Lane { centerline: (0..=40).map(point).collect(), ..lane(id, (20.0, 0.0), (-20.0, 0.0)) }
+        };
+        let map = Map { lanes: vec![wriggling(1, 1.0), wriggling(2, -1.0)], ..Map::default() };
+        let against: Vec<Body> = (0..30).map(|step| av(-10.0 + 0.8 * f64::from(step), 0.3, 0.0)).collect();
+        let travel = read(&map, &against).backward_travel;
+        assert!((travel - 8.8).abs() < 0.05, "{travel}");
+    }
+
+    #[test]
+    fn backward_travel_begins_late_after_a_start_in_no_lane() {
+        let map = Map { lanes: vec![lane(1, (20.0, 0.0), (-20.0, 0.0))], ..Map::default() };
+        let against: Vec<Body> = (0..8).map(|step| av(-20.5 + f64::from(step), 0.0, 0.0)).collect();
+        // The first sample is beyond the lane's end; the first two in it count nothing.
+        assert!((read(&map, &against).backward_travel - 5.0).abs() < 1e-9);
+        assert!((read(&map, &against[1..]).backward_travel - 6.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_car_longer_than_a_lane_is_in_one_across_three() {
+        let linked = |lane: Lane, entries: &[i64], exits: &[i64]| Lane {
+            entries: entries.iter().copied().map(MapId).collect(),
+            exits: exits.iter().copied().map(MapId).collect(),
+            ..lane
+        };
+        let before = linked(lane(1, (-40.0, 0.0), (-1.0, 0.0)), &[], &[2]);
+        let short = linked(lane(2, (-1.0, 0.0), (1.0, 0.0)), &[1], &[3]);
+        let after = linked(lane(3, (1.0, 0.0), (40.0, 0.0)), &[2], &[]);
+        let apart = linked(lane(4, (1.0, 0.0), (40.0, 0.0)), &[], &[]);
+        let map = |after: &Lane| Map { lanes: vec![before.clone(), short.clone(), after.clone()], ..Map::default() };
+        assert!(read(&map(&after), &[av(0.0, 0.0, 0.0)]).in_one_lane);
+        assert!(!read(&map(&apart), &[av(0.0, 0.0, 0.0)]).in_one_lane);
+    }
+
+    #[test]
+    fn where_the_av_went_tells_which_connector_it_drove() {
+        // Two lanes part in an intersection; the AV starts where both hold it, and turns off.
+        let connector = |lane: Lane, exit| Lane { interpolating: true, exits: vec![MapId(exit)], ..lane };
+        let straight = connector(lane(1, (-20.0, 0.0), (20.0, 0.0)), 3);
+        let turning = connector(lane(2, (-20.0, 0.0), (20.0, 12.0)), 4);
+        let limit = |lane: Lane, speed_limit_mph| Lane { speed_limit_mph, ..lane };
+        let fast = limit(lane(3, (20.0, 0.0), (60.0, 0.0)), 50.0);
+        let slow = limit(lane(4, (20.0, 12.0), (60.0, 24.0)), 20.0);
+        let lanes = lanes(&Map { lanes: vec![straight, turning, fast, slow], ..Map::default() });
+        let heading = 0.3_f64.atan();
+        let mut tracker = LaneTracker::default();
+        let way = (0..30).map(|step| -19.0 + 2.0 * f64::from(step)).map(|x| av(x, 0.3 * (x + 20.0), heading));
+        let online: Vec<f64> = way.map(|av| tracker.read(&lanes, &av, WHEELBASE).speed_limit).collect();
+        let settled: Vec<f64> = tracker.settle(&lanes).iter().map(|driven| driven.speed_limit).collect();
+        assert!((online[0] - 50.0 * 0.447_04).abs() < 1e-9, "the larger of both");
+        assert!(settled.iter().all(|limit| (limit - 20.0 * 0.447_04).abs() < 1e-9), "{settled:?}");
     }
 
     #[test]

@@ -22,20 +22,23 @@ const WITHIN_INTERSECTION: f64 = 5.0;
 /// cos 45 degrees: a lane points the AV's way if it points within that of where the AV looks.
 const ALIGNED: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// A lane as a strip.
+/// A lane as a strip of ground.
 #[derive(Clone, Debug)]
-pub(super) struct Strip {
-    points: Vec<Point>,
+pub struct Strip {
+    /// The center line.
+    pub points: Vec<Point>,
+    /// Half width (m) to the left and to the right at each point.
+    pub widths: Vec<[f64; 2]>,
+    /// Places, among all strips, of the lanes that lead here.
+    pub entries: Vec<usize>,
+    /// Places of those that this one leads to.
+    pub exits: Vec<usize>,
+    /// m/s, 0 where it is not known.
+    pub speed_limit: f64,
+    /// Whether it is one of an intersection: what nuPlan calls a lane connector.
+    pub connector: bool,
     /// Arc length (m) at each point.
     stations: Vec<f64>,
-    /// Half width (m) to the left and to the right at each point.
-    widths: Vec<[f64; 2]>,
-    entries: Vec<usize>,
-    exits: Vec<usize>,
-    /// m/s, 0 where it is not known.
-    speed_limit: f64,
-    /// Whether it is one of an intersection: what nuPlan calls a lane connector.
-    connector: bool,
     /// Number of its first segment in the grid.
     first_segment: usize,
 }
@@ -113,6 +116,12 @@ impl Lanes {
             lanes.strips[index].connector |= lanes.is_crossed(index);
         }
         lanes
+    }
+
+    /// All of them.
+    #[must_use]
+    pub fn strips(&self) -> &[Strip] {
+        &self.strips
     }
 
     /// Whether another lane's center line crosses this one's: that is an intersection, whether the map marks it or not.
@@ -204,15 +213,17 @@ impl Lanes {
     /// if all of that is known (nuPlan: `speed_limit_compliance.py`), and their own where they join nothing.
     pub(super) fn speed_limit(&self, lanes: &[usize]) -> f64 {
         let own = |lane: &usize| self.strips[*lane].speed_limit;
-        let around = || lanes.iter().flat_map(|lane| self.exits(*lane).iter().chain(self.entries(*lane)));
-        let largest = |limits: &mut dyn Iterator<Item = f64>| {
-            limits.try_fold(0.0, |largest: f64, limit| (limit > 0.0).then(|| largest.max(limit))).unwrap_or(0.0)
-        };
-        match lanes {
-            [lane, ..] if !self.is_connector(*lane) => own(lane),
-            _ if around().next().is_some() => largest(&mut around().map(own)),
-            _ => largest(&mut lanes.iter().map(own)),
+        if let [lane, ..] = lanes
+            && !self.is_connector(*lane)
+        {
+            return own(lane);
         }
+        let joined = lanes.iter().flat_map(|lane| self.exits(*lane).iter().chain(self.entries(*lane)));
+        let mut limits: Vec<f64> = joined.map(own).collect();
+        if limits.is_empty() {
+            limits = lanes.iter().map(own).collect();
+        }
+        if limits.contains(&0.0) { 0.0 } else { limits.into_iter().fold(0.0, f64::max) }
     }
 
     /// Whether `point` is in an intersection: on one of its lanes, or on no lane and beside one of its.
@@ -224,8 +235,7 @@ impl Lanes {
         let mut beside = false;
         self.grid.for_each_near(point, WIDEST + WITHIN_INTERSECTION, |segment| {
             let lane = self.grid.payload(segment) as usize;
-            beside = beside
-                || (self.is_connector(lane) && self.distance(lane, point) < WITHIN_INTERSECTION);
+            beside = beside || (self.is_connector(lane) && self.distance(lane, point) < WITHIN_INTERSECTION);
         });
         beside
     }
