@@ -39,8 +39,12 @@ pub enum Command {
 /// `sim run`.
 #[derive(Debug, Args)]
 pub struct RunArgs {
-    /// Scenes: WOMD TFRecord files, folders, globs, or a scene-set TOML [default: the built-in demo set]
-    #[arg(long, value_name = "PATH", num_args = 1.., help_heading = "What to drive")]
+    /// Scenes: WOMD TFRecord files, folders, globs, or scene-set TOML files [default: the built-in demo set]
+    #[arg(value_name = "PATH", help_heading = "What to drive")]
+    pub paths: Vec<String>,
+
+    /// The same; takes all that follows up to the next option
+    #[arg(long, value_name = "PATH", num_args = 1.., conflicts_with = "paths", help_heading = "What to drive")]
     pub scenarios: Vec<String>,
 
     /// Who drives

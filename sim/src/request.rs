@@ -120,7 +120,7 @@ impl Request {
             pin: arguments.pin,
             start_timeout_s: arguments.start_timeout.unwrap_or(patience).as_secs_f64(),
             endpoint: arguments.endpoint,
-            scenarios: arguments.scenarios,
+            scenarios: if arguments.paths.is_empty() { arguments.scenarios } else { arguments.paths },
         };
         Ok(Self { settings, machine, out: arguments.out, timing: arguments.timing })
     }
@@ -277,6 +277,15 @@ mod tests {
         assert_eq!(resolve(&["--predictor", "ctrv"]).settings.driver, "idm-ctrv");
         assert_eq!(resolve(&["--planner", "external", "--predictor", "ctrv"]).settings.driver, "external-ctrv");
         assert_eq!(resolve(&["--predictor", "ctrv", "--label", "mine"]).settings.driver, "mine");
+    }
+
+    #[test]
+    fn scenes_are_given_with_or_without_the_option() {
+        let scenes = |arguments: &[&str]| resolve(arguments).machine.scenarios;
+        assert_eq!(scenes(&["data/", "more.toml", "--driver", "idm"]), ["data/", "more.toml"]);
+        assert_eq!(scenes(&["--driver", "idm", "data/"]), scenes(&["--scenarios", "data/"]));
+        let both = ["sim", "run", "data/", "--scenarios", "more"];
+        assert!(cli::Cli::try_parse_from(both).is_err());
     }
 
     #[test]

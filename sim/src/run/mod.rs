@@ -97,6 +97,9 @@ pub struct Done {
 /// [`RunError`] where it is not complete; what is done is kept.
 pub fn run(request: &Request, clock: WallClock, console: &Console, interrupts: &Interrupts) -> Result<Done, RunError> {
     let scenes = SceneSet::open(&request.machine.scenarios)?;
+    for note in scenes.notes() {
+        console.line(&format!("note: {note}"));
+    }
     let line = |entry: &scenarios::SceneEntry| SceneLine { id: entry.id.to_string(), sha256: entry.sha256.clone() };
     let file = RunFile {
         settings: request.settings.clone(),
