@@ -69,7 +69,7 @@ pub fn womd(payload: &[u8]) {
 /// If that does not hold.
 pub fn womd_lint(payload: &[u8]) {
     if let Ok((scene, findings)) = womd::read(payload) {
-        let _ = lint::lint(&scene, &findings);
+        let _ = lint::lint(&std::sync::Arc::new(scene), &findings);
     }
 }
 

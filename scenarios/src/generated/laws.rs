@@ -1,5 +1,7 @@
 //! What holds for every generated scene, whatever its seed.
 
+use std::sync::Arc;
+
 use proptest::prelude::*;
 use world::geometry::{angle_difference, boxes_overlap};
 use world::plan::STEP_SECONDS;
@@ -20,8 +22,11 @@ fn scenes(seed: u64, index: u32) -> Vec<Scene> {
 }
 
 fn nothing_to_say(scene: &Scene) {
-    let grave: Vec<String> =
-        lint(scene, &[]).iter().filter(|l| l.severity() > Severity::Note).map(Lint::to_string).collect();
+    let grave: Vec<String> = lint(&Arc::new(scene.clone()), &[])
+        .iter()
+        .filter(|l| l.severity() > Severity::Note)
+        .map(Lint::to_string)
+        .collect();
     assert!(grave.is_empty(), "{}: {grave:?}", scene.id());
 }
 

@@ -2,7 +2,8 @@
 //! start on, at the route's lanes alone, and tell levels of the road apart (`docs/metrics.md`).
 
 use world::geometry::{Point, SegmentGrid, boxes_overlap};
-use world::route::{Route, RouteStyle};
+use world::route::{Route, RouteError};
+use world::scene::bridged::Bridged;
 use world::scene::{AgentState, Scene};
 
 use super::{Lint, Steps};
@@ -22,17 +23,36 @@ const CELL: f64 = 5.0;
 /// An AV that moves less than this is parked (m).
 const PARKED: f64 = 5.0;
 
-pub(super) fn lint(scene: &Scene, lints: &mut Vec<Lint>) {
+/// Where a drive starts: the strict protocol's default, and the one of `paper`.
+const START: usize = 19;
+
+/// `edges`: whether the map's road edges can be believed.
+pub(super) fn lint(bridged: &Bridged, route: Result<Route, RouteError>, edges: bool, lints: &mut Vec<Lint>) {
+    missing(bridged, lints);
+    let scene = bridged.judged();
     let av: Vec<(usize, AgentState)> =
         scene.av().states.iter().enumerate().filter_map(|(step, state)| Some((step, (*state)?))).collect();
     overlaps(scene, &av, lints);
-    off_road(scene, &av, lints);
+    if edges {
+        off_road(scene, &av, lints);
+    }
     far_from_lane(scene, &av, lints);
-    off_route(scene, &av, lints);
+    off_route(route, &av, lints);
     red_lights(scene, &av, lints);
+    super::lanes::lint(scene, &av, lints);
     let meters: f64 = av.windows(2).map(|pair| pair[0].1.position().distance(pair[1].1.position())).sum();
     if meters < PARKED {
         lints.push(Lint::AvParked { meters });
+    }
+}
+
+fn missing(bridged: &Bridged, lints: &mut Vec<Lint>) {
+    let there = |step: usize| bridged.logged().av().states[step].is_some();
+    let steps: Steps = (0..bridged.logged().steps()).filter(|step| !there(*step)).collect();
+    if !steps.is_empty() {
+        // A scene that ends before the start is not driven either way: another finding says so.
+        let drivable = bridged.judged().av().states.get(START).is_none_or(Option::is_some);
+        lints.push(Lint::AvMissing { steps, drivable });
     }
 }
 
@@ -55,12 +75,12 @@ fn overlaps(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) {
 
 fn off_road(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) {
     let edges = &scene.map().road_edges;
-    if edges.is_empty() {
-        lints.push(Lint::NoRoadEdges);
-        return;
-    }
     let grid = SegmentGrid::new(edges.iter().map(|edge| (0, edge.polyline.iter().map(|p| p.xy()))), CELL);
+    let driveways = &scene.map().driveways;
     let beyond = |corner: Point| {
+        if driveways.iter().any(|driveway| driveway.contains(corner)) {
+            return 0.0;
+        }
         let edge = grid.nearest(corner, SEARCH).filter(|edge| !edge.beyond_end);
         edge.map_or(0.0, |edge| -edge.signed_distance)
     };
@@ -83,8 +103,8 @@ fn far_from_lane(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint
     }
 }
 
-fn off_route(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) {
-    let route = match Route::of_log(scene, RouteStyle::Strict) {
+fn off_route(route: Result<Route, RouteError>, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) {
+    let route = match route {
         Ok(route) => route,
         Err(error) => return lints.push(Lint::NoRoute(error)),
     };

@@ -25,10 +25,6 @@ pub(super) fn lint(scene: &Scene, lints: &mut Vec<Lint>) {
         with if 0 < with && with < steps => lints.push(Lint::PartialSignals { with, steps }),
         _ => {}
     }
-    let lanes = &scene.map().lanes;
-    if !lanes.is_empty() && lanes.iter().all(|lane| lane.speed_limit().is_none()) {
-        lints.push(Lint::NoSpeedLimits);
-    }
 }
 
 /// A dropped frame makes a longer step: what counts is the way in 0.1 s.

@@ -63,7 +63,7 @@ fn scan_records<R: Read>(
         let record = match records.next_record() {
             Ok(Some(record)) => record,
             Ok(None) => return,
-            Err(error) => return found.bad.push(RecordError::stream(&*path, packing, error)),
+            Err(error) => return found.bad.push(RecordError::stream(&path, packing, error)),
         };
         let place = Place {
             path: Arc::clone(&path),

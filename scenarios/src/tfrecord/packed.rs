@@ -286,7 +286,8 @@ impl<R: Read> Unpack<R> {
             while flags & text != 0 && self.take()? != 0 {}
         }
         if flags & CHECKSUM != 0 {
-            (self.take()?, self.take()?);
+            self.take()?;
+            self.take()?;
         }
         Ok(())
     }

@@ -30,6 +30,12 @@ impl Steps {
         self.0.iter().map(|(first, last)| last + 1 - first).sum()
     }
 
+    /// The longest run of steps in a row.
+    #[must_use]
+    pub fn longest_run(&self) -> usize {
+        self.0.iter().map(|(first, last)| last + 1 - first).max().unwrap_or(0)
+    }
+
     /// The first, if there is one.
     #[must_use]
     pub fn first(&self) -> Option<usize> {

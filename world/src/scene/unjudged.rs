@@ -8,7 +8,7 @@ use std::fmt;
 use thiserror::Error;
 
 use super::bridged::{Bridged, SizeSource};
-use super::{Scene, TrackId};
+use super::{AgentState, Scene, TrackId};
 use crate::geometry::{Point3, PointGrid, SegmentGrid};
 use crate::map::Map;
 
@@ -108,9 +108,11 @@ struct Way {
 
 impl Way {
     fn of(scene: &Scene) -> Self {
-        let states = || scene.av().states.iter().flatten();
-        let points = PointGrid::new(states().map(|state| state.position()).collect(), 10.0);
-        Self { points, heights: states().map(|state| state.z).collect() }
+        let mut states: Vec<&AgentState> = scene.av().states.iter().flatten().collect();
+        // One that stands is at one place.
+        states.dedup_by(|next, last| last.position().distance(next.position()) < 1.0);
+        let points = states.iter().map(|state| state.position()).collect();
+        Self { points: PointGrid::new(points, 10.0), heights: states.iter().map(|state| state.z).collect() }
     }
 
     fn is_near(&self, point: Point3, radius: f64) -> bool {
@@ -175,7 +177,7 @@ mod tests {
 
     use super::*;
     use crate::map::{Lane, MapId, RoadEdge, RoadEdgeKind};
-    use crate::scene::{AgentKind, AgentState, SceneParts, Track};
+    use crate::scene::{AgentKind, SceneParts, Track};
 
     /// A straight road with an edge on either side, the AV on it, and something of unknown kind `beside` it.
     fn parts(beside: f64) -> SceneParts {
