@@ -16,7 +16,7 @@ rows = pa.table({"v": [1.0, float("nan"), 3.0]})
 pq.write_table(rows, "nan.parquet")
 beyond = ~(pc.field("v") <= 3)
 print("pyarrow, not v <= 3:", rows.filter(beyond).num_rows, "in memory,", pq.read_table("nan.parquet", filters=beyond).num_rows, "in the file")
-count = lambda source: duckdb.sql(f"select count(*) from {source} where isnan(v)").fetchone()[0]
+count = lambda source: duckdb.sql(f"select count(*) from {source} where isnan(v)").fetchall()[0][0]
 print("DuckDB, isnan(v):", count("rows"), "in memory,", count("'nan.parquet'"), "in the file")
 PY
 cat seen
