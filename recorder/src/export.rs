@@ -1,13 +1,12 @@
 //! A Rerun file from a recording: the same bytes as when it is recorded.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use thiserror::Error;
 
-use crate::mcap::{Break, Contents, read};
-use crate::partial_file::{FileError, PartialFile, partial_name};
+use crate::mcap::read;
+use crate::partial_file::{PartialFile, partial_name};
 use crate::rrd::Drawing;
 
 /// The run of recordings that do not name theirs.
@@ -26,32 +25,24 @@ pub enum Refused {
     Exists(PathBuf),
 }
 
-/// Reads the recording at `path`.
-///
-/// # Errors
-/// Where it cannot be read, or is none.
-pub fn open(path: &Path) -> anyhow::Result<Contents> {
-    let bytes = fs::read(path).map_err(FileError::at("read", path))?;
-    read(&bytes).with_context(|| format!("cannot use {}", path.display()))
-}
-
 /// Draws the recording at `mcap` into `rrd`, under the name `run` or that of its own run. A file that is there is replaced
-/// with `force` alone. Says why the recording is not drawn to its end, if it is not.
+/// with `force` alone. Says what is wrong with the recording, if it is not drawn whole.
 ///
 /// # Errors
 /// [`Refused`], or where one cannot be read or the other not be written.
-pub fn export(mcap: &Path, rrd: &Path, run: Option<&str>, force: bool) -> anyhow::Result<Option<Break>> {
-    let contents = open(mcap)?;
-    refuse(mcap, rrd, force)?;
+pub fn export(mcap: &Path, rrd: &Path, run: Option<&str>, force: bool) -> anyhow::Result<Option<String>> {
+    let recorded = recording::load(mcap)?;
     let mut drawing = Drawing::default();
-    contents.messages.iter().for_each(|message| drawing.push(message));
+    let contents = read(&recorded, |message| drawing.push(&message));
+    let contents = contents.with_context(|| format!("cannot use {}", mcap.display()))?;
+    refuse(mcap, rrd, force)?;
     let own = if contents.run.is_empty() { UNNAMED } else { &contents.run };
     let bytes = drawing.finish(run.unwrap_or(own), &contents.settings);
     let bytes = bytes.with_context(|| format!("cannot draw {}", mcap.display()))?;
     let mut file = PartialFile::create(rrd)?;
     file.append(&bytes)?;
     file.commit()?;
-    Ok(contents.broken)
+    Ok(contents.trouble())
 }
 
 fn refuse(mcap: &Path, rrd: &Path, force: bool) -> Result<(), Refused> {

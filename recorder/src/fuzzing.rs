@@ -7,10 +7,12 @@ use crate::rrd::Drawing;
 
 /// Any bytes as a recording: no panic, whether it is shown or drawn.
 pub fn recording(bytes: &[u8]) {
-    let Ok(contents) = read(bytes) else { return };
-    let info = Info { name: "fuzzed.mcap", size: bytes.len() as u64, contents: &contents, settings: true };
+    let Ok(info) = Info::read("fuzzed.mcap".to_owned(), bytes, true) else { return };
     let _ = info.to_string();
-    draw(&contents.messages);
+    let mut drawing = Drawing::default();
+    if read(bytes, |message| drawing.push(&message)).is_ok() {
+        let _ = drawing.finish("fuzzed", "");
+    }
 }
 
 /// Any bytes as what comes over the bus, message after message (the channel's number, the length in four bytes, the message): no

@@ -2,81 +2,172 @@
 
 use std::fmt::{self, Display};
 
-use wire::keys::Channel;
+use wire::digest::Digest;
 use wire::proto;
 
-use crate::mcap::{Break, Contents};
+use crate::mcap::{Contents, ReadError, read};
 use crate::message::{Body, Message};
+use crate::sequence::Counts;
 use crate::strokes;
 
-/// Shows [`Contents`].
-pub struct Info<'a> {
-    /// The file's name.
-    pub name: &'a str,
-    /// Its size (bytes).
-    pub size: u64,
-    /// What it holds.
-    pub contents: &'a Contents,
+/// Events that are shown; an honest drive has a few.
+const EVENTS: usize = 1000;
+
+/// What is shown of a recording.
+pub struct Info {
+    name: String,
+    /// The file's (bytes).
+    size: u64,
     /// Whether to show the run's settings whole.
-    pub settings: bool,
+    settings: bool,
+    contents: Contents,
+    scene: Option<Scene>,
+    counts: Counts,
+    /// Of all messages before the end.
+    digest: Digest,
+    end: Option<proto::EpisodeEnd>,
+    events: Vec<proto::Event>,
+    more_events: usize,
 }
 
-impl Info<'_> {
-    fn find<'a, T>(&'a self, pick: impl Fn(&'a Body) -> Option<T>) -> Option<T> {
-        self.contents.messages.iter().find_map(|message| pick(&message.body))
-    }
-
-    fn count(&self, channel: Channel) -> usize {
-        self.contents.messages.iter().filter(|message: &&Message| message.channel() == channel).count()
-    }
+/// What is shown of the scene.
+struct Scene {
+    name: String,
+    protocol: String,
+    horizon: u32,
+    lanes: usize,
+    crosswalks: usize,
+    stop_signs: usize,
+    /// Length of the reference line (m).
+    length: f64,
+    route_lanes: usize,
 }
 
-impl Display for Info<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let contents = self.contents;
-        writeln!(f, "{}  {}", self.name, bytes(self.size))?;
-        let seconds = contents.last_step as f64 / 10.0;
-        match &contents.broken {
-            None => {}
-            Some(Break::CutOff) => writeln!(f, "  cut off     after {seconds:.1} s; what is before is readable")?,
-            Some(Break::Damaged(why)) => {
-                writeln!(f, "  damaged     after {seconds:.1} s: {why}; what is before is readable")?;
-            }
+impl Info {
+    /// Reads the bytes of a recording: `name` is the file's, and its run's settings are shown whole, or not.
+    ///
+    /// # Errors
+    /// [`ReadError`].
+    pub fn read(name: String, bytes: &[u8], settings: bool) -> Result<Self, ReadError> {
+        let mut info = Self {
+            name,
+            size: bytes.len() as u64,
+            settings,
+            contents: Contents::default(),
+            scene: None,
+            counts: Counts::default(),
+            digest: Digest::default(),
+            end: None,
+            events: Vec::new(),
+            more_events: 0,
+        };
+        info.contents = read(bytes, |message| info.hear(message))?;
+        Ok(info)
+    }
+
+    fn hear(&mut self, message: Message) {
+        if !matches!(message.body, Body::End(_)) {
+            self.digest.add(message.channel(), &message.payload);
         }
-        let scene = self.find(|body| if let Body::Scene(scene) = body { Some(scene) } else { None });
-        scene.map_or(Ok(()), |scene| show_scene(f, scene))?;
+        self.counts.add(message.channel());
+        match message.body {
+            Body::Scene(scene) => self.scene = self.scene.take().or_else(|| Some(Scene::of(*scene))),
+            Body::Event(event) if self.events.len() < EVENTS => self.events.push(event),
+            Body::Event(_) => self.more_events += 1,
+            Body::End(end) => self.end = self.end.take().or(Some(end)),
+            _ => {}
+        }
+    }
+
+    fn show_trouble(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let contents = &self.contents;
+        let seconds = |step: u64| step as f64 / 10.0;
+        for (step, damage) in &contents.damage {
+            writeln!(f, "  damaged     after {:.1} s, {damage}; the rest is read", seconds(*step))?;
+        }
+        if contents.more_damage > 0 {
+            writeln!(f, "  damaged     in {} places more", contents.more_damage)?;
+        }
+        if contents.is_cut_off {
+            let seconds = seconds(contents.last_step);
+            writeln!(f, "  cut off     after {seconds:.1} s; what is before is readable")?;
+        }
+        let Some(end) = &self.end else { return Ok(()) };
+        if let Some((what, there, told)) = self.counts.first_difference(&Counts::of_end(end)) {
+            writeln!(f, "  not whole   {what} {there} of {told}")
+        } else if !end.digest.is_empty() && end.digest != self.digest.to_bytes() {
+            writeln!(f, "  changed     it does not hold what was told: its digest is another")
+        } else {
+            Ok(())
+        }
+    }
+
+    fn show_events(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.events.is_empty() {
+            return Ok(());
+        }
+        writeln!(f, "\n  events")?;
+        for event in &self.events {
+            let seconds = 0.1 * f64::from(event.step);
+            writeln!(f, "    {seconds:>5.1} s  {:<22} {}", event.kind().as_str_name(), event.text)?;
+        }
+        if self.more_events > 0 { writeln!(f, "    and {} more", self.more_events) } else { Ok(()) }
+    }
+}
+
+impl Scene {
+    fn of(scene: proto::Scene) -> Self {
+        let map = scene.map.unwrap_or_default();
+        Self {
+            name: scene.scene,
+            protocol: scene.protocol,
+            horizon: scene.horizon,
+            lanes: map.lanes.len(),
+            crosswalks: map.crosswalks.len(),
+            stop_signs: map.stop_signs.len(),
+            length: scene.reference_line.map_or(0.0, |line| 0.1 * line.x.len().saturating_sub(1) as f64),
+            route_lanes: scene.route.len(),
+        }
+    }
+}
+
+impl Display for Info {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}  {}", self.name, bytes(self.size))?;
+        self.show_trouble(f)?;
+        let scene = self.scene.as_ref();
+        scene.map_or(Ok(()), |scene| write!(f, "{scene}"))?;
         let most = scene.map_or_else(String::new, |scene| format!(" of at most {}", scene.horizon));
-        writeln!(f, "  steps       {}{most}", self.count(Channel::Record))?;
-        match self.find(|body| if let Body::End(end) = body { Some(end) } else { None }) {
+        writeln!(f, "  steps       {}{most}", self.counts.records)?;
+        match &self.end {
             Some(end) => {
                 writeln!(f, "  end         {}", strokes::end_sentence(end))?;
                 show_metrics(f, end)?;
             }
             None => writeln!(f, "  end         not recorded")?,
         }
-        show_events(f, contents)?;
-        show_channels(f, contents)?;
+        self.show_events(f)?;
+        show_channels(f, &self.contents)?;
         if self.settings {
             writeln!(f, "\n  settings")?;
-            contents.settings.lines().try_for_each(|line| writeln!(f, "    {line}"))?;
+            self.contents.settings.lines().try_for_each(|line| writeln!(f, "    {line}"))?;
         }
         Ok(())
     }
 }
 
-fn show_scene(f: &mut fmt::Formatter<'_>, scene: &proto::Scene) -> fmt::Result {
-    let length = scene.reference_line.as_ref().map_or(0.0, |line| 0.1 * line.x.len().saturating_sub(1) as f64);
-    writeln!(f, "  scene       {}", scene.scene)?;
-    writeln!(f, "  protocol    {}", scene.protocol)?;
-    if let Some(map) = &scene.map {
-        let (lanes, crosswalks, signs) = (map.lanes.len(), map.crosswalks.len(), map.stop_signs.len());
-        writeln!(f, "  map         lanes {lanes}, crosswalks {crosswalks}, stop signs {signs}")?;
+impl Display for Scene {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "  scene       {}", self.name)?;
+        writeln!(f, "  protocol    {}", self.protocol)?;
+        let Self { lanes, crosswalks, stop_signs, .. } = self;
+        writeln!(f, "  map         lanes {lanes}, crosswalks {crosswalks}, stop signs {stop_signs}")?;
+        writeln!(f, "  route       {:.0} m, lanes {}", self.length, self.route_lanes)
     }
-    writeln!(f, "  route       {length:.0} m, lanes {}", scene.route.len())
 }
 
 fn show_metrics(f: &mut fmt::Formatter<'_>, end: &proto::EpisodeEnd) -> fmt::Result {
-    let width = end.metrics.iter().map(|metric| metric.name.len()).max().unwrap_or(0);
+    let width = end.metrics.iter().map(|metric| metric.name.len()).max().unwrap_or(0).min(60);
     if width > 0 {
         writeln!(f, "\n  metrics")?;
     }
@@ -85,18 +176,6 @@ fn show_metrics(f: &mut fmt::Formatter<'_>, end: &proto::EpisodeEnd) -> fmt::Res
         writeln!(f, "    {:<width$}  {value:>10}", metric.name)?;
     }
     Ok(())
-}
-
-fn show_events(f: &mut fmt::Formatter<'_>, contents: &Contents) -> fmt::Result {
-    let mut events = contents.messages.iter().filter_map(|message| match &message.body {
-        Body::Event(event) => Some(event),
-        _ => None,
-    });
-    let Some(first) = events.next() else { return Ok(()) };
-    writeln!(f, "\n  events")?;
-    std::iter::once(first).chain(events).try_for_each(|event| {
-        writeln!(f, "    {:>5.1} s  {:<22} {}", 0.1 * f64::from(event.step), event.kind().as_str_name(), event.text)
-    })
 }
 
 fn show_channels(f: &mut fmt::Formatter<'_>, contents: &Contents) -> fmt::Result {

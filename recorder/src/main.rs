@@ -5,6 +5,7 @@ mod cli;
 use std::io::{ErrorKind, IsTerminal as _, Write as _};
 use std::process::ExitCode;
 
+use anyhow::Context as _;
 use clap::Parser as _;
 use tracing_subscriber::EnvFilter;
 use wire::node::Stop;
@@ -44,18 +45,18 @@ fn export_file(arguments: &cli::Export) -> anyhow::Result<ExitCode> {
         format!("{}.rrd", stem.strip_suffix(".mcap").unwrap_or(stem)).into()
     };
     let rrd = arguments.rrd.clone().unwrap_or_else(beside);
-    if let Some(broken) = export::export(&arguments.mcap, &rrd, arguments.run.as_deref(), arguments.force)? {
-        eprintln!("warning: {} is {broken}: drawn as far as it goes", arguments.mcap.display());
+    if let Some(trouble) = export::export(&arguments.mcap, &rrd, arguments.run.as_deref(), arguments.force)? {
+        eprintln!("warning: {} is {trouble}; the rest is drawn", arguments.mcap.display());
     }
     say(&format!("{}\n", rrd.display()))
 }
 
 fn show_info(arguments: &cli::Info) -> anyhow::Result<ExitCode> {
     for (number, path) in arguments.files.iter().enumerate() {
-        let contents = export::open(path)?;
-        let size = std::fs::metadata(path)?.len();
+        let recorded = recording::load(path)?;
         let name = path.display().to_string();
-        let info = info::Info { name: &name, size, contents: &contents, settings: arguments.settings };
+        let info = info::Info::read(name, &recorded, arguments.settings);
+        let info = info.with_context(|| format!("cannot use {}", path.display()))?;
         say(&format!("{}{info}", if number == 0 { "" } else { "\n" }))?;
     }
     Ok(ExitCode::SUCCESS)

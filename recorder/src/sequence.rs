@@ -10,6 +10,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use thiserror::Error;
+use wire::keys::Channel;
 use wire::proto;
 
 use crate::message::{Body, Message};
@@ -50,6 +51,18 @@ impl Counts {
             plans: end.plans,
             records: end.records,
             events: end.events,
+        }
+    }
+
+    /// One message more of a channel.
+    pub fn add(&mut self, channel: Channel) {
+        match channel {
+            Channel::Observation => self.observations += 1,
+            Channel::Prediction => self.predictions += 1,
+            Channel::Plan => self.plans += 1,
+            Channel::Record => self.records += 1,
+            Channel::Event => self.events += 1,
+            Channel::Scene | Channel::End | Channel::Recorded => {}
         }
     }
 
@@ -196,11 +209,7 @@ impl Sequence {
         let mut counts = self.given;
         self.steps.values().for_each(|slot| slot.count(&mut counts));
         for stray in &self.strays {
-            match &stray.body {
-                Body::Prediction(_) => counts.predictions += 1,
-                Body::Plan(_) => counts.plans += 1,
-                _ => counts.events += 1,
-            }
+            counts.add(stray.channel());
         }
         counts
     }

@@ -42,6 +42,8 @@ pub enum Fault {
     Data { told: u32, found: u32 },
     #[error("the summary has the checksum {found:08x}, where {told:08x} is told")]
     Summary { told: u32, found: u32 },
+    #[error("a message of {topic} cannot be read: {why}")]
+    Message { topic: String, why: String },
     #[error("channel {0} is described in two ways")]
     TwoChannels(u16),
     #[error("messages of channel {0}, which nothing describes")]

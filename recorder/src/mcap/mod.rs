@@ -7,5 +7,5 @@ mod reader;
 mod writer;
 
 pub use file::{ChannelId, Encoder};
-pub use reader::{Break, ChannelSummary, Contents, ReadError, read};
+pub use reader::{ChannelSummary, Contents, ReadError, read};
 pub use writer::EpisodeWriter;

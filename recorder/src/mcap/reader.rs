@@ -1,38 +1,28 @@
-//! Reads recordings, whole or cut off: what is readable is read, and the rest named.
+//! The product's messages in a recording, whole, cut off or damaged; what is damaged is named, and the rest read.
 
 use std::collections::BTreeMap;
 
-use mcap::McapError;
-use mcap::records::Record;
-use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use recording::{Damage, Event, Fault, METADATA, METADATA_RUN, METADATA_SETTINGS, NotMcap, Reader, TOPICS};
 use thiserror::Error;
 use wire::keys::Channel;
 
-use super::writer::{METADATA, METADATA_RUN, METADATA_SETTINGS};
-use crate::message::{CHANNELS, Message, MessageError, STEP_NANOSECONDS};
+use crate::message::{CHANNELS, Message, STEP_NANOSECONDS};
 
-/// The most bytes of one record: a chunk is about a megabyte, or as large as its largest message.
-const RECORD_LIMIT: usize = 2 * wire::convert::MAX_MESSAGE_BYTES;
+/// As many places are named as a user may want to look at; more are counted.
+const NAMED: usize = 8;
+
+/// Topics that are counted; a recording has some twenty.
+const TOPICS_COUNTED: usize = 1024;
 
 /// Why a file is no recording.
-#[derive(Debug, Error)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ReadError {
-    /// It does not begin as one, or is damaged before its first message.
-    #[error(
-        "no readable MCAP: {0}\n  hint: recordings are the files <run>/episodes/<scene>.mcap, and .mcap.partial where they are not whole"
-    )]
-    NotMcap(McapError),
+    /// It is no MCAP file.
+    #[error(transparent)]
+    NotMcap(#[from] NotMcap),
     /// An MCAP of somebody else.
     #[error("an MCAP file, but not one of reloop: it has no /reloop/scene channel")]
     Foreign,
-    /// One of the product's messages does not decode.
-    #[error("message {number} of the file: {source}")]
-    Message {
-        /// Counted from 0.
-        number: u64,
-        /// What is wrong.
-        source: MessageError,
-    },
 }
 
 /// A channel's messages, counted.
@@ -46,129 +36,103 @@ pub struct ChannelSummary {
     pub bytes: u64,
 }
 
-/// Why reading stopped before the end.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum Break {
-    /// The file ends too early: its recorder was killed, or the disk was full.
-    #[error("cut off")]
-    CutOff,
-    /// There is more, but it is not what was written.
-    #[error("damaged ({0})")]
-    Damaged(String),
-}
-
-/// What a recording holds.
+/// What a recording holds, beside the messages.
 #[derive(Debug, Default)]
 pub struct Contents {
     /// The run's name on the bus; empty where the file does not tell.
     pub run: String,
     /// The run's settings (TOML).
     pub settings: String,
-    /// The product's messages, in the file's order.
-    pub messages: Vec<Message>,
     /// All channels by topic.
     pub channels: BTreeMap<String, ChannelSummary>,
     /// Simulated time of the last message (steps).
     pub last_step: u64,
-    /// Why it is not read to its end, if it is not.
-    pub broken: Option<Break>,
+    /// The first places that are damaged, each with the step that was read last before it.
+    pub damage: Vec<(u64, Damage)>,
+    /// How many places more are.
+    pub more_damage: u64,
+    /// Whether the file ends too early: its recorder was killed, or the disk was full.
+    pub is_cut_off: bool,
 }
 
-/// Reads the bytes of a recording.
+impl Contents {
+    /// What is wrong with the file, in a sentence; nothing where it is whole.
+    #[must_use]
+    pub fn trouble(&self) -> Option<String> {
+        let more = if self.more_damage > 0 { format!(" and {} places more", self.more_damage) } else { String::new() };
+        match (self.damage.first(), self.damage.len(), self.is_cut_off) {
+            (None, _, false) => None,
+            (None, _, true) => Some("cut off".to_owned()),
+            (Some((_, first)), 1, _) => Some(format!("damaged ({first}){more}")),
+            (Some((_, first)), places, _) => Some(format!("damaged in {places} places{more} (the first: {first})")),
+        }
+    }
+
+    fn damaged(&mut self, damage: Damage) {
+        if damage.fault == Fault::CutOff {
+            self.is_cut_off = true;
+        } else if self.damage.len() < NAMED {
+            self.damage.push((self.last_step, damage));
+        } else {
+            self.more_damage += 1;
+        }
+    }
+
+    fn count(&mut self, topic: &str, bytes: usize) {
+        if let Some(summary) = self.channels.get_mut(topic) {
+            summary.messages += 1;
+            summary.bytes += bytes as u64;
+        }
+    }
+}
+
+/// Reads the bytes of a recording, and gives the product's messages to `hear` in the file's order.
 ///
 /// # Errors
-/// [`ReadError`]. A file that is cut off or damaged is none, if it begins as a recording: see [`Contents::broken`].
-pub fn read(bytes: &[u8]) -> Result<Contents, ReadError> {
-    let options = LinearReaderOptions::default()
-        .with_validate_chunk_crcs(true)
-        .with_validate_data_section_crc(true)
-        .with_validate_summary_section_crc(true)
-        .with_record_length_limit(RECORD_LIMIT);
-    let mut reader = LinearReader::new_with_options(options);
-    let mut state = State::default();
-    let mut rest = bytes;
-    while let Some(event) = reader.next_event() {
+/// [`ReadError`]. A file that is cut off or damaged is none, if it is a recording: see [`Contents`].
+pub fn read(bytes: &[u8], mut hear: impl FnMut(Message)) -> Result<Contents, ReadError> {
+    let mut reader = Reader::new(bytes)?;
+    let mut contents = Contents::default();
+    while let Some(event) = reader.next() {
         match event {
-            Ok(LinearReadEvent::ReadRequest(wanted)) => {
-                let (next, after) = rest.split_at(wanted.min(rest.len()));
-                reader.insert(next.len()).copy_from_slice(next);
-                reader.notify_read(next.len());
-                rest = after;
-            }
-            Ok(LinearReadEvent::Record { data, opcode }) => match mcap::parse_record(opcode, data) {
-                Ok(record) => state.take(record)?,
-                Err(error) => return state.broken(error),
-            },
-            Err(error) => return state.broken(error),
-        }
-    }
-    if state.ended { state.whole() } else { state.broken(McapError::UnexpectedEof) }
-}
-
-#[derive(Default)]
-struct State {
-    contents: Contents,
-    schemas: BTreeMap<u16, String>,
-    /// By their numbers in the file: topic, and channel if it is one of ours.
-    topics: BTreeMap<u16, (String, Option<Channel>)>,
-    number: u64,
-    ended: bool,
-}
-
-impl State {
-    fn take(&mut self, record: Record<'_>) -> Result<(), ReadError> {
-        match record {
-            Record::Schema { header, .. } => {
-                self.schemas.insert(header.id, header.name);
-            }
-            Record::Channel(channel) => {
-                let schema = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
-                let own = channel
-                    .topic
-                    .strip_prefix("/reloop/")
-                    .and_then(|name| CHANNELS.into_iter().find(|known| known.name() == name));
-                self.contents.channels.entry(channel.topic.clone()).or_default().schema = schema;
-                self.topics.insert(channel.id, (channel.topic, own));
-            }
-            Record::Metadata(metadata) if metadata.name == METADATA => {
-                let entry = |name| metadata.metadata.get(name).cloned().unwrap_or_default();
-                self.contents.run = entry(METADATA_RUN);
-                self.contents.settings = entry(METADATA_SETTINGS);
-            }
-            Record::Message { header, data } => {
-                let number = self.number;
-                self.number += 1;
-                self.contents.last_step = self.contents.last_step.max(header.log_time / STEP_NANOSECONDS);
-                let Some((topic, own)) = self.topics.get(&header.channel_id) else { return Ok(()) };
-                if let Some(summary) = self.contents.channels.get_mut(topic) {
-                    summary.messages += 1;
-                    summary.bytes += data.len() as u64;
-                }
-                if let Some(channel) = *own {
-                    let message = Message::decode(channel, data.into_owned());
-                    self.contents.messages.push(message.map_err(|source| ReadError::Message { number, source })?);
+            Event::Metadata { name: METADATA, entries } => {
+                for (key, value) in entries {
+                    match key {
+                        METADATA_RUN => value.clone_into(&mut contents.run),
+                        METADATA_SETTINGS => value.clone_into(&mut contents.settings),
+                        _ => {}
+                    }
                 }
             }
-            Record::Footer(_) => self.ended = true,
-            _ => {}
+            Event::Metadata { .. } => {}
+            Event::Channel(channel) if contents.channels.len() < TOPICS_COUNTED => {
+                contents.channels.entry(channel.topic.clone()).or_default().schema.clone_from(&channel.schema);
+            }
+            Event::Channel(_) => {}
+            Event::Message(message) => {
+                let topic = &message.channel.topic;
+                contents.last_step = contents.last_step.max(message.log_time / STEP_NANOSECONDS);
+                contents.count(topic, message.data.len());
+                let Some(channel) = own(topic) else { continue };
+                match Message::decode(channel, message.data.to_vec()) {
+                    Ok(message) => hear(message),
+                    Err(error) => {
+                        let fault = Fault::Message { topic: topic.clone(), why: error.to_string() };
+                        contents.damaged(Damage { at: message.at, fault });
+                    }
+                }
+            }
+            Event::Damage(damage) => contents.damaged(damage),
         }
-        Ok(())
     }
+    let is_ours = contents.channels.contains_key("/reloop/scene");
+    // A file that is cut before its first chunk has no channels, but says whose it is.
+    let says_so = contents.channels.is_empty() && !contents.settings.is_empty();
+    if is_ours || says_so { Ok(contents) } else { Err(ReadError::Foreign) }
+}
 
-    fn whole(self) -> Result<Contents, ReadError> {
-        if self.contents.channels.contains_key("/reloop/scene") { Ok(self.contents) } else { Err(ReadError::Foreign) }
-    }
-
-    /// What there is before `error`, unless that is nothing.
-    fn broken(mut self, error: McapError) -> Result<Contents, ReadError> {
-        if self.contents.channels.is_empty() && self.contents.settings.is_empty() {
-            return Err(ReadError::NotMcap(error));
-        }
-        self.contents.broken = Some(match error {
-            McapError::UnexpectedEof => Break::CutOff,
-            error => Break::Damaged(error.to_string()),
-        });
-        // A file that is cut before its first chunk has no channels, but says whose it is.
-        if self.contents.channels.is_empty() { Ok(self.contents) } else { self.whole() }
-    }
+/// The channel of one of our own topics.
+fn own(topic: &str) -> Option<Channel> {
+    let name = topic.strip_prefix(TOPICS)?;
+    CHANNELS.into_iter().find(|channel| channel.name() == name)
 }

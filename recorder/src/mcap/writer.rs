@@ -4,6 +4,7 @@ use foxglove::Encode;
 use foxglove::messages::log::Level;
 use foxglove::messages::{FrameTransforms, Log, SceneUpdate};
 use mcap::McapError;
+use recording::{METADATA, METADATA_RUN, METADATA_SETTINGS, TOPICS};
 use wire::proto;
 
 use super::file::{ChannelId, Encoder};
@@ -11,13 +12,6 @@ use super::foxglove_messages as show;
 use crate::message::{Body, CHANNELS, Message, STEP_NANOSECONDS, schema};
 use crate::origin::Origin;
 use crate::strokes;
-
-/// The metadata record that says what the recording is of.
-pub const METADATA: &str = "reloop";
-/// Its entry with the run's name.
-pub const METADATA_RUN: &str = "run";
-/// Its entry with the run's settings (TOML).
-pub const METADATA_SETTINGS: &str = "run.toml";
 
 /// Writes one episode. Feed it messages in order; drain it with [`EpisodeWriter::take`].
 pub struct EpisodeWriter {
@@ -62,7 +56,7 @@ impl EpisodeWriter {
         encoder.add_metadata(METADATA, &entries)?;
         let mut own = Vec::with_capacity(CHANNELS.len());
         for channel in CHANNELS {
-            let topic = format!("/reloop/{}", channel.name());
+            let topic = format!("{TOPICS}{}", channel.name());
             own.push(encoder.add_channel(&topic, schema(channel), wire::FILE_DESCRIPTOR_SET)?);
         }
         let own = own.try_into().map_err(|_| McapError::TooManyChannels)?;

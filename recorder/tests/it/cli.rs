@@ -3,6 +3,10 @@
 use std::path::Path;
 use std::process::Command;
 
+use recorder::message::{Body, Message};
+use wire::keys::Channel;
+use wire::proto;
+
 use crate::mcap_of;
 use crate::synthetic::{self, SMALL, Size};
 
@@ -42,8 +46,34 @@ fn a_recording_with_a_flipped_bit_is_damaged_and_not_cut_off() {
     std::fs::write(folder.path().join("a.mcap"), bytes).unwrap();
     let shown = recorder(folder.path(), &["info", "a.mcap"]);
     assert!(shown.contains("  damaged     after ") && !shown.contains("cut off"), "{shown}");
+    assert!(
+        shown.contains("  not whole   observations ") && shown.contains("  end         horizon reached"),
+        "{shown}"
+    );
     let shown = recorder(folder.path(), &["export", "a.mcap"]);
     assert!(shown.contains("warning: a.mcap is damaged (") && shown.ends_with("exit code 0"), "{shown}");
+}
+
+#[test]
+fn a_recording_that_says_something_else_than_was_told_is_found_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut episode = synthetic::episode("crossing-1", SMALL);
+    let record = episode.iter_mut().find(|message| message.channel() == Channel::Record).unwrap();
+    *record =
+        Message::encode(Body::Record(Box::new(proto::StepRecord { at_fault_collision: true, ..Default::default() })));
+    std::fs::write(folder.path().join("a.mcap"), mcap_of(&episode)).unwrap();
+    let shown = recorder(folder.path(), &["info", "a.mcap"]);
+    assert!(shown.contains("\n  changed     it does not hold what was told: its digest is another\n"), "{shown}");
+}
+
+#[test]
+fn a_file_without_an_end_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for command in ["info", "export"] {
+        let shown = recorder(folder.path(), &[command, "/dev/zero"]);
+        assert!(shown.starts_with("error: /dev/zero is no recording: it has more than 1024 MiB\n"), "{shown}");
+        assert!(shown.ends_with("exit code 2"), "{shown}");
+    }
 }
 
 #[test]

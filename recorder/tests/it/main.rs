@@ -10,7 +10,7 @@ mod process;
 mod rrd;
 mod synthetic;
 
-use recorder::mcap::EpisodeWriter;
+use recorder::mcap::{Contents, EpisodeWriter, ReadError, read};
 use recorder::message::Message;
 use recorder::rrd::Drawing;
 
@@ -21,6 +21,13 @@ fn mcap_of(messages: &[Message]) -> Vec<u8> {
     let mut bytes = writer.take();
     bytes.extend(writer.finish().unwrap());
     bytes
+}
+
+/// What a recording holds, and its messages.
+fn read_all(bytes: &[u8]) -> Result<(Contents, Vec<Message>), ReadError> {
+    let mut messages = Vec::new();
+    let contents = read(bytes, |message| messages.push(message))?;
+    Ok((contents, messages))
 }
 
 /// The Rerun file of these messages.

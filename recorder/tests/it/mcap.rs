@@ -1,10 +1,10 @@
 //! What an MCAP file holds, and that its bytes depend on nothing else.
 
-use recorder::mcap::{Break, EpisodeWriter, read};
+use recorder::mcap::EpisodeWriter;
 use recorder::message::Body;
 
 use crate::synthetic::{self, SMALL, Size};
-use crate::{mcap_of, rrd_of};
+use crate::{mcap_of, read_all, rrd_of};
 
 #[test]
 fn two_writes_are_the_same_bytes() {
@@ -16,10 +16,10 @@ fn two_writes_are_the_same_bytes() {
 #[test]
 fn what_is_read_is_what_was_written() {
     let episode = synthetic::episode("s", SMALL);
-    let contents = read(&mcap_of(&episode)).unwrap();
-    assert!(contents.messages == episode);
+    let (contents, messages) = read_all(&mcap_of(&episode)).unwrap();
+    assert!(messages == episode);
     assert_eq!((&*contents.run, &*contents.settings), ("test", synthetic::SETTINGS));
-    assert_eq!(contents.broken, None);
+    assert_eq!(contents.trouble(), None);
     assert_eq!(contents.last_step, 5);
 }
 
@@ -39,7 +39,7 @@ fn the_summary_agrees_with_the_data_and_its_checksum_holds() {
 
 #[test]
 fn the_channels_and_their_counts() {
-    let contents = read(&mcap_of(&synthetic::episode("s", SMALL))).unwrap();
+    let (contents, _) = read_all(&mcap_of(&synthetic::episode("s", SMALL))).unwrap();
     let rows = contents
         .channels
         .iter()
@@ -107,16 +107,16 @@ fn a_cut_file_is_read_up_to_its_last_chunk() {
         writer.write(message).unwrap();
         on_disk.extend(writer.take());
     }
-    let contents = read(&on_disk).unwrap();
-    assert_eq!(contents.broken, Some(Break::CutOff));
-    assert!(contents.messages.len() > 100, "{}", contents.messages.len());
-    assert!(contents.messages == episode[..contents.messages.len()]);
+    let (contents, messages) = read_all(&on_disk).unwrap();
+    assert_eq!(contents.trouble().unwrap(), "cut off");
+    assert!(messages.len() > 100, "{}", messages.len());
+    assert!(messages == episode[..messages.len()]);
     // And at any byte: never a panic, never a message that was not written.
     let whole = mcap_of(&episode);
     for end in (0..whole.len()).step_by(9_973) {
-        if let Ok(contents) = read(&whole[..end]) {
-            assert_eq!(contents.broken, Some(Break::CutOff), "{end}");
-            assert!(contents.messages == episode[..contents.messages.len()]);
+        if let Ok((contents, messages)) = read_all(&whole[..end]) {
+            assert_eq!(contents.trouble().unwrap(), "cut off", "{end}");
+            assert!(messages == episode[..messages.len()]);
         }
     }
 }
@@ -128,24 +128,37 @@ fn a_flipped_bit_is_noticed() {
     for place in (60..whole.len()).step_by(503) {
         let mut bytes = whole.clone();
         bytes[place] ^= 0x10;
-        match read(&bytes) {
-            Err(_) => {}
-            Ok(contents) => assert!(contents.broken.is_some() || contents.messages == episode, "byte {place}"),
-        }
+        let (contents, messages) = read_all(&bytes).unwrap();
+        assert!(contents.trouble().is_some(), "byte {place}");
+        assert!(messages.iter().all(|message| episode.contains(message)), "byte {place}");
     }
+}
+
+#[test]
+fn one_damaged_chunk_costs_its_own_messages_and_no_others() {
+    let episode = synthetic::episode("s", Size { agents: 40, steps: 60, futures: 1 });
+    let mut bytes = mcap_of(&episode);
+    let place = bytes.len() / 2;
+    bytes[place] ^= 0x10;
+    let (contents, messages) = read_all(&bytes).unwrap();
+    assert_eq!((contents.damage.len(), contents.more_damage, contents.is_cut_off), (1, 0, false));
+    assert!(messages.len() > episode.len() / 2 && messages.len() < episode.len(), "{}", messages.len());
+    assert!(messages.last() == episode.last());
+    let after = episode.iter().position(|message| !messages.contains(message)).unwrap();
+    assert_eq!(contents.damage[0].0, u64::from(messages[after - 1].step()), "the step before the damage is named");
 }
 
 #[test]
 fn foreign_files_are_refused() {
     for bytes in [&b""[..], b"not an mcap", &rrd_of(&synthetic::episode("s", SMALL))] {
-        assert!(read(bytes).is_err());
+        assert!(read_all(bytes).is_err());
     }
 }
 
 #[test]
 fn the_end_shows_the_av_after_the_last_step() {
     let episode = synthetic::episode("s", SMALL);
-    let contents = read(&mcap_of(&episode)).unwrap();
+    let (contents, messages) = read_all(&mcap_of(&episode)).unwrap();
     assert_eq!(contents.channels["/view/av"].messages, u64::from(SMALL.steps) + 1);
-    assert!(matches!(contents.messages.last().unwrap().body, Body::End(_)));
+    assert!(matches!(messages.last().unwrap().body, Body::End(_)));
 }

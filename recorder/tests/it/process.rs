@@ -7,7 +7,6 @@ use std::time::Duration;
 
 use prost::Message as _;
 use recorder::export::export;
-use recorder::mcap::read;
 use recorder::message::{Body, Message};
 use wire::hub::{Hub, Wanted};
 use wire::keys::{self, Address, Channel, Role, RunName, Worker, Workers};
@@ -16,7 +15,7 @@ use world::scene::SceneId;
 use zenoh::{Session, Wait};
 
 use crate::synthetic::{self, SMALL, Size};
-use crate::{mcap_of, rrd_of};
+use crate::{mcap_of, read_all, rrd_of};
 
 const TIMEOUT: Duration = Duration::from_secs(20);
 
@@ -166,9 +165,9 @@ fn when_standard_input_ends_it_leaves_and_what_came_is_readable() {
     assert_eq!(stage.recorder.wait().unwrap().code(), Some(0));
     let said = std::io::read_to_string(stage.recorder.stderr.take().unwrap()).unwrap();
     assert_eq!(said, "", "a stop that is asked for is no error");
-    let contents = read(&std::fs::read(folder.path().join("a.mcap.partial")).unwrap()).unwrap();
-    assert!(contents.broken.is_some());
-    assert!(contents.messages == episode[..11]);
+    let (contents, messages) = read_all(&std::fs::read(folder.path().join("a.mcap.partial")).unwrap()).unwrap();
+    assert!(contents.is_cut_off);
+    assert!(messages == episode[..11]);
 }
 
 #[test]
@@ -181,10 +180,10 @@ fn killed_it_leaves_all_closed_chunks() {
     stage.answers.recv_timeout(TIMEOUT).unwrap();
     stage.recorder.kill().unwrap();
     stage.recorder.wait().unwrap();
-    let contents = read(&std::fs::read(folder.path().join("a.mcap.partial")).unwrap()).unwrap();
-    assert!(contents.broken.is_some());
-    assert!(contents.messages.len() > 100, "{}", contents.messages.len());
-    assert!(contents.messages == episode[..contents.messages.len()]);
+    let (contents, messages) = read_all(&std::fs::read(folder.path().join("a.mcap.partial")).unwrap()).unwrap();
+    assert!(contents.is_cut_off);
+    assert!(messages.len() > 100, "{}", messages.len());
+    assert!(messages == episode[..messages.len()]);
 }
 
 #[test]
