@@ -48,10 +48,12 @@ impl Columns {
     }
 
     fn number(&mut self, name: &str, values: impl IntoIterator<Item = f64>) {
-        self.add(name, DataType::Float64, false, Arc::new(Float64Array::from_iter_values(values)));
+        self.maybe(name, values.into_iter().map(Some));
     }
 
+    /// Null where there is none, and where it is not a number: readers' filters cannot find a NaN, for statistics leave it out.
     fn maybe(&mut self, name: &str, values: impl IntoIterator<Item = Option<f64>>) {
+        let values = values.into_iter().map(|value| value.filter(|value| !value.is_nan()));
         self.add(name, DataType::Float64, true, Arc::new(Float64Array::from_iter(values)));
     }
 
@@ -181,4 +183,88 @@ pub fn timing(scene: &SceneLine, part: &Part) -> Result<RecordBatch, ArrowError>
     table.number("answer_p99_s", [timing.answer_p99]);
     table.number("answer_max_s", [timing.answer_max]);
     table.batch()
+}
+
+#[cfg(test)]
+mod tests {
+    use arrow_array::Array as _;
+    use arrow_array::cast::AsArray as _;
+    use arrow_array::types::Float64Type;
+    use wire::proto::{Control, EpisodeEnd, Metric};
+
+    use super::*;
+    use crate::part::{LoggedState, Timing};
+
+    const NAN: f64 = f64::NAN;
+
+    /// An episode of one step, of which nothing is a number.
+    fn part() -> Part {
+        let av = AgentState {
+            x: NAN,
+            y: NAN,
+            z: NAN,
+            heading: NAN,
+            velocity_x: NAN,
+            velocity_y: NAN,
+            length: NAN,
+            width: NAN,
+            height: NAN,
+        };
+        let record = StepRecord {
+            av: Some(av),
+            control: Some(Control { acceleration: NAN, steering: NAN }),
+            yaw_rate: NAN,
+            station: NAN,
+            lateral_offset: NAN,
+            speed_limit: NAN,
+            route_distance: NAN,
+            time_to_collision: Some(NAN),
+            position_error: Some(NAN),
+            road_edge_distance: Some(NAN),
+            backward_travel: NAN,
+            ..StepRecord::default()
+        };
+        let metrics = METRICS.iter().map(|metric| Metric { name: metric.name.to_owned(), value: Some(NAN) });
+        Part {
+            end: Some(EpisodeEnd { metrics: metrics.collect(), ..EpisodeEnd::default() }),
+            records: vec![record],
+            logged: vec![LoggedState { state: Some(av) }],
+            start: Some(av),
+            timing: Some(Timing {
+                first_step: NAN,
+                wall: NAN,
+                load: NAN,
+                prepare: NAN,
+                brief: NAN,
+                observe: NAN,
+                answer: NAN,
+                advance: NAN,
+                publish: NAN,
+                recording: NAN,
+                answer_p50: NAN,
+                answer_p99: NAN,
+                answer_max: NAN,
+                ..Timing::default()
+            }),
+            ..Part::default()
+        }
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_null_in_every_column_of_every_file() {
+        let part = part();
+        let scene = SceneLine { id: "s".to_owned(), sha256: String::new() };
+        let common = Common { driver: "d", protocol: "strict", motion: "m" };
+        let files = [results(common, &scene, &part), steps(common, &part), timing(&scene, &part)];
+        let mut columns = 0;
+        for file in files.map(Result::unwrap) {
+            for (field, array) in file.schema().fields().iter().zip(file.columns()) {
+                if *field.data_type() == DataType::Float64 {
+                    assert!(array.as_primitive::<Float64Type>().is_null(0), "{}", field.name());
+                    columns += 1;
+                }
+            }
+        }
+        assert!(columns > METRICS.len() + 30, "{columns}");
+    }
 }
