@@ -13,7 +13,7 @@ const LIMIT: u64 = 1 << 30;
 #[derive(Debug, Error)]
 pub enum LoadError {
     /// The system says so.
-    #[error("cannot read {}: {source}", path.display())]
+    #[error("cannot read {}", path.display())]
     Read {
         /// The file.
         path: PathBuf,

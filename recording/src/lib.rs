@@ -26,6 +26,8 @@ pub mod damage;
 pub mod definitions;
 pub mod fields;
 pub mod file;
+#[doc(hidden)]
+pub mod mutants;
 pub mod reader;
 pub mod records;
 #[cfg(test)]

@@ -16,7 +16,7 @@ use wire::node::{History, StepInput};
 use world::plan::UncheckedPrediction;
 use world::scene::TrackId;
 
-pub use recording::{RecordedStep, RecordingError, read_step};
+pub use recording::{RecordedStep, RecordingError, read_step, step_of};
 
 use self::weights::Costs;
 use crate::Weights;
@@ -105,8 +105,19 @@ struct Outcome {
 /// # Errors
 /// [`ExplainError`].
 pub fn explain(path: &Path, step: u32, weights: Option<&Weights>) -> Result<Explanation, ExplainError> {
-    let recorded = read_step(path, step)?;
-    let RecordedStep { briefing, observation, prediction, plan, weights: named } = &recorded;
+    explain_step(step, &read_step(path, step)?, weights)
+}
+
+/// Explains a step that is read already.
+///
+/// # Errors
+/// [`ExplainError`].
+pub fn explain_step(
+    step: u32,
+    recorded: &RecordedStep,
+    weights: Option<&Weights>,
+) -> Result<Explanation, ExplainError> {
+    let RecordedStep { briefing, observation, prediction, plan, weights: named } = recorded;
     let error = |what: String| ExplainError::Problem { step, what };
     let planned = plan.controls().ok_or(ExplainError::NoControls(step))?;
     let controls = Controls::from_pairs(planned.iter().map(|c| (c.acceleration, c.steering)));

@@ -2,9 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use mcap::read::{LinearReader, Options as ReadOptions};
-use mcap::records::Record;
-use mcap::{McapError, MessageStream};
+use recording::{Damage, Event, Fault, LoadError, METADATA, METADATA_SETTINGS, NotMcap, Reader};
 use thiserror::Error;
 use wire::proto;
 use world::observation::{Briefing, Observation};
@@ -29,20 +27,15 @@ pub struct RecordedStep {
 #[derive(Debug, Error)]
 pub enum RecordingError {
     /// The file cannot be read.
-    #[error("cannot read {path}")]
-    Io {
+    #[error(transparent)]
+    Load(#[from] LoadError),
+    /// The file is no recording.
+    #[error("cannot use {}: {why}", path.display())]
+    NotMcap {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: std::io::Error,
-    },
-    /// The file is no recording, or is damaged before its first message.
-    #[error("{path} is no readable recording ({why})\nhint: recordings are the files RUN/episodes/SCENE.mcap")]
-    Mcap {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        why: Box<McapError>,
+        why: NotMcap,
     },
     /// The recording stops before the step is told: its recorder was killed, or the disk was full.
     #[error("{path} is cut off before step {step} is told; it tells {told}\nhint: the command of its run, given again, drives what is missing", told = steps(*last))]
@@ -54,8 +47,8 @@ pub enum RecordingError {
         /// The last step that it tells.
         last: Option<u32>,
     },
-    /// The file goes on before the step is told, but not with what was recorded.
-    #[error("{path} is damaged before step {step} is told ({why}); it tells {told}\nhint: fetch the file again, or drive the scene again", told = steps(*last))]
+    /// The file is damaged, and what it still holds does not tell the step.
+    #[error("{path} is damaged, and step {step} is not told ({first}); it tells {told}\nhint: fetch the file again, or drive the scene again", told = steps(*last))]
     Damaged {
         /// The file.
         path: PathBuf,
@@ -63,8 +56,8 @@ pub enum RecordingError {
         step: u32,
         /// The last step that it tells.
         last: Option<u32>,
-        /// Why reading stopped.
-        why: Box<McapError>,
+        /// What is damaged first.
+        first: Damage,
     },
     /// There is not even a scene.
     #[error("{path} has no scene: it is empty, cut off before it, or no recording of reloop\nhint: `recorder info {path}` says what it holds", path = path.display())]
@@ -108,58 +101,84 @@ const OBSERVATION: &str = "/reloop/observation";
 const PREDICTION: &str = "/reloop/prediction";
 const PLAN: &str = "/reloop/plan";
 
-/// Reads the step from a recording; one that is cut off will do, if the step is told before.
+/// Reads the step from a recording; one that is cut off or damaged will do, if it still tells the step.
 ///
 /// # Errors
 /// [`RecordingError`].
 pub fn read_step(path: &Path, step: u32) -> Result<RecordedStep, RecordingError> {
-    let bytes = std::fs::read(path).map_err(|source| RecordingError::Io { path: path.to_owned(), source })?;
-    let broken = |why| RecordingError::Mcap { path: path.to_owned(), why: Box::new(why) };
+    step_of(&recording::load(path)?, path, step)
+}
+
+/// Reads the step from the bytes of a recording; `path` is for errors.
+///
+/// # Errors
+/// [`RecordingError`].
+pub fn step_of(bytes: &[u8], path: &Path, step: u32) -> Result<RecordedStep, RecordingError> {
+    let mut reader = Reader::new(bytes).map_err(|why| RecordingError::NotMcap { path: path.to_owned(), why })?;
     let wrong = |topic, what| RecordingError::Message { path: path.to_owned(), topic, step, what };
     let (mut briefing, mut observation, mut prediction, mut plan) = (None, None, None, None);
-    let (mut last, mut broken_by) = (None, None);
-    for message in MessageStream::new_with_options(&bytes, ReadOptions::IgnoreEndMagic.into()).map_err(broken)? {
-        let message = match message {
-            Ok(message) => message,
-            Err(why) => {
-                broken_by = Some(why);
-                break;
+    let (mut weights, mut last, mut damage, mut is_cut_off) = (None, None, None, false);
+    while let Some(event) = reader.next() {
+        let message = match event {
+            Event::Message(message) => message,
+            Event::Metadata { name: METADATA, entries } => {
+                let settings = entries.iter().find(|(key, _)| *key == METADATA_SETTINGS);
+                weights = settings.and_then(|(_, settings)| weights_of_run(settings));
+                continue;
             }
+            Event::Damage(Damage { fault: Fault::CutOff, .. }) => {
+                is_cut_off = true;
+                continue;
+            }
+            Event::Damage(found) => {
+                damage.get_or_insert(found);
+                continue;
+            }
+            Event::Metadata { .. } | Event::Channel(_) => continue,
         };
-        let data = message.data.as_ref();
+        let data = message.data;
+        // A message of another step may be as damaged as it likes.
+        let misread = |what: String| Damage {
+            at: message.at,
+            fault: Fault::Message { topic: message.channel.topic.clone(), why: what },
+        };
         match message.channel.topic.as_str() {
-            SCENE => briefing = Some(decoded::<proto::Scene, Briefing>(data).map_err(|e| wrong(SCENE, e))?),
-            OBSERVATION => {
-                let seen: Observation = decoded::<proto::Observation, _>(data).map_err(|e| wrong(OBSERVATION, e))?;
-                observation = observation.or(Some(seen).filter(|seen| seen.step == step));
-            }
-            PREDICTION => {
-                let expected: UncheckedPrediction =
-                    decoded::<proto::Prediction, _>(data).map_err(|e| wrong(PREDICTION, e))?;
-                if expected.step == step {
+            SCENE if briefing.is_none() => match decoded::<proto::Scene, Briefing>(data) {
+                Ok(told) => briefing = Some(told),
+                Err(what) => drop(damage.get_or_insert(misread(what))),
+            },
+            OBSERVATION => match decoded::<proto::Observation, Observation>(data) {
+                Ok(seen) => observation = observation.or(Some(seen).filter(|seen| seen.step == step)),
+                Err(what) => drop(damage.get_or_insert(misread(what))),
+            },
+            PREDICTION => match decoded::<proto::Prediction, UncheckedPrediction>(data) {
+                Ok(expected) if expected.step == step => {
                     prediction = Some(expected.check(step).map_err(|e| wrong(PREDICTION, e.to_string()))?);
                 }
-            }
-            PLAN => {
-                let planned: UncheckedPlan = decoded::<proto::Plan, _>(data).map_err(|e| wrong(PLAN, e))?;
-                last = last.max(Some(planned.step));
-                if planned.step == step {
-                    plan = Some(planned.check(step).map_err(|e| wrong(PLAN, e.to_string()))?);
-                    break;
+                Ok(_) => {}
+                Err(what) => drop(damage.get_or_insert(misread(what))),
+            },
+            PLAN => match decoded::<proto::Plan, UncheckedPlan>(data) {
+                Ok(planned) => {
+                    last = last.max(Some(planned.step));
+                    if planned.step == step {
+                        plan = Some(planned.check(step).map_err(|e| wrong(PLAN, e.to_string()))?);
+                        break;
+                    }
                 }
-            }
+                Err(what) => drop(damage.get_or_insert(misread(what))),
+            },
             _ => {}
         }
     }
     let path = path.to_owned();
-    match (briefing, observation, plan, broken_by) {
+    match (briefing, observation, plan, damage) {
         (Some(briefing), Some(observation), Some(plan), _) => {
-            Ok(RecordedStep { briefing, observation, prediction, plan, weights: weights_of_run(&bytes) })
+            Ok(RecordedStep { briefing, observation, prediction, plan, weights })
         }
-        (None, .., None | Some(McapError::UnexpectedEof)) => Err(RecordingError::NoScene { path }),
-        (None, .., Some(why)) => Err(broken(why)),
-        (.., Some(McapError::UnexpectedEof)) => Err(RecordingError::CutOff { path, step, last }),
-        (.., Some(why)) => Err(RecordingError::Damaged { path, step, last, why: Box::new(why) }),
+        (.., Some(first)) => Err(RecordingError::Damaged { path, step, last, first }),
+        (None, ..) => Err(RecordingError::NoScene { path }),
+        _ if is_cut_off => Err(RecordingError::CutOff { path, step, last }),
         (_, observation, ..) => {
             let topic = if observation.is_none() { OBSERVATION } else { PLAN };
             Err(RecordingError::Missing { path, topic, step, last })
@@ -167,15 +186,9 @@ pub fn read_step(path: &Path, step: u32) -> Result<RecordedStep, RecordingError>
     }
 }
 
-/// What follows `--weights` in the planner's command, as the run's settings tell it; they come before all messages.
-fn weights_of_run(bytes: &[u8]) -> Option<String> {
-    let records = LinearReader::new_with_options(bytes, ReadOptions::IgnoreEndMagic.into()).ok()?;
-    let settings = records.map_while(Result::ok).take_while(|record| !matches!(record, Record::Chunk { .. }));
-    let settings = settings.filter_map(|record| match record {
-        Record::Metadata(mut metadata) if metadata.name == "reloop" => metadata.metadata.remove("run.toml"),
-        _ => None,
-    });
-    let run: toml::Table = settings.last()?.parse().ok()?;
+/// What follows `--weights` in the planner's command, as the run's settings tell it.
+fn weights_of_run(settings: &str) -> Option<String> {
+    let run: toml::Table = settings.parse().ok()?;
     let command = run.get("settings")?.get("planner")?.get("command")?.as_str()?;
     let (_, after) = command.split_once("--weights")?;
     Some(after.trim_start_matches('=').split_whitespace().next()?.to_owned())
