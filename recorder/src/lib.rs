@@ -16,8 +16,9 @@
 //! | [`desk`], [`record`] | the process on the bus |
 //! | [`export`], [`info`] | from a file: the drawing, what it holds |
 //! | [`fuzzing`] | what any input must keep |
-//! | [`layers`], [`strokes`], [`origin`], [`palette`] | what both kinds of file draw alike |
+//! | [`layers`], [`strokes`], [`contacts`], [`origin`], [`palette`] | what both kinds of file draw alike |
 
+pub mod contacts;
 pub mod desk;
 pub mod export;
 pub mod fuzzing;

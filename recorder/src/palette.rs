@@ -27,6 +27,12 @@ pub const STOP_SIGN: Rgba = [196, 66, 66, 255];
 pub const ROUTE: Rgba = [16, 78, 96, 255];
 /// The AV.
 pub const AV: Rgba = [0, 205, 240, 255];
+/// Where the log has the AV.
+pub const GHOST: Rgba = [150, 160, 176, 120];
+/// Whom the AV touched, where that counts against it.
+pub const STRUCK: Rgba = [255, 72, 72, 255];
+/// Whom the AV touched, where it does not.
+pub const TOUCHED: Rgba = [255, 186, 48, 255];
 /// What it plans.
 pub const PLAN: Rgba = [120, 232, 255, 255];
 /// The limit beside a speed.

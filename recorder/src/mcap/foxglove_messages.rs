@@ -8,10 +8,11 @@ use foxglove::messages::log::Level;
 use foxglove::messages::scene_entity_deletion::Type as DeletionType;
 use foxglove::messages::{
     Color, CubePrimitive, Duration, FrameTransform, FrameTransforms, KeyValuePair, LinePrimitive, Log, Point3, Pose,
-    Quaternion, SceneEntity, SceneEntityDeletion, SceneUpdate, SpherePrimitive, Timestamp, Vector3,
+    Quaternion, SceneEntity, SceneEntityDeletion, SceneUpdate, SpherePrimitive, TextPrimitive, Timestamp, Vector3,
 };
 use wire::proto;
 
+use crate::contacts::Contacts;
 use crate::layers::{layers, stop_signs};
 use crate::message::STEP_NANOSECONDS;
 use crate::origin::{Origin, quaternion};
@@ -50,17 +51,28 @@ pub fn map(scene: &proto::Scene, origin: &Origin) -> SceneUpdate {
     whole_state(0, entities)
 }
 
-/// All agents that are seen, a box each, in an entity that names the track.
+/// All agents that are seen, a box each, in an entity that names the track; a text too over those that the AV touched.
 #[must_use]
-pub fn agents(observation: &proto::Observation, origin: &Origin) -> SceneUpdate {
-    let entities = observation.agents.iter().filter_map(|agent| {
-        let kind = agent.kind();
-        let cube = cube(agent.state.as_ref()?, palette::agent(kind), origin);
-        let entity = entity(observation.step, format!("agent/{}", agent.track));
+pub fn agents(step: u32, agents: &[proto::Agent], contacts: &Contacts, origin: &Origin) -> SceneUpdate {
+    let entities = agents.iter().filter_map(|agent| {
+        let (kind, state, mark) = (agent.kind(), agent.state.as_ref()?, contacts.mark(agent.track));
+        let cube = cube(state, mark.map_or(palette::agent(kind), |(rgba, _)| *rgba), origin);
+        let texts = mark.iter().map(|(rgba, label)| text_above(state, label, *rgba, origin)).collect();
+        let entity = entity(step, format!("agent/{}", agent.track));
         let metadata = vec![KeyValuePair { key: "kind".to_owned(), value: strokes::kind_name(kind).to_owned() }];
-        Some(SceneEntity { cubes: vec![cube], metadata, ..entity })
+        Some(SceneEntity { cubes: vec![cube], texts, metadata, ..entity })
     });
-    whole_state(observation.step, entities.collect())
+    whole_state(step, entities.collect())
+}
+
+/// Where the log has the AV, if it has.
+#[must_use]
+pub fn logged_av(step: u32, state: Option<&proto::AgentState>, origin: &Origin) -> SceneUpdate {
+    let entity = |state| SceneEntity {
+        cubes: vec![cube(state, palette::GHOST, origin)],
+        ..entity(step, "logged_av".to_owned())
+    };
+    whole_state(step, state.map(entity).into_iter().collect())
 }
 
 /// The AV.
@@ -147,6 +159,19 @@ fn cube(state: &proto::AgentState, color: Rgba, origin: &Origin) -> CubePrimitiv
         pose: Some(pose(origin.place(state.x, state.y, state.z), state.heading)),
         size: Some(Vector3 { x: state.length, y: state.width, z: state.height }),
         color: Some(self::color(color)),
+    }
+}
+
+/// A text that faces the viewer, above a box.
+fn text_above(state: &proto::AgentState, text: &str, color: Rgba, origin: &Origin) -> TextPrimitive {
+    let position = origin.place(state.x, state.y, state.z + 0.5 * state.height + 1.0);
+    TextPrimitive {
+        pose: Some(pose(position, 0.0)),
+        billboard: true,
+        font_size: 14.0,
+        scale_invariant: true,
+        color: Some(self::color(color)),
+        text: text.to_owned(),
     }
 }
 

@@ -9,6 +9,7 @@ use wire::proto;
 
 use super::file::{ChannelId, Encoder};
 use super::foxglove_messages as show;
+use crate::contacts::Contacts;
 use crate::message::{Body, CHANNELS, Message, STEP_NANOSECONDS, schema};
 use crate::origin::Origin;
 use crate::strokes;
@@ -23,7 +24,8 @@ pub struct EpisodeWriter {
     /// Middle of the AV's box (m): plans and predictions have no height of their own.
     height: f64,
     /// The AV after the last step: no observation follows that would show it.
-    last: Option<(u32, proto::AgentState)>,
+    last: Option<(u32, proto::AgentState, Option<proto::AgentState>)>,
+    contacts: Contacts,
     scratch: Vec<u8>,
 }
 
@@ -37,6 +39,7 @@ struct Shown {
     predictions: ChannelId,
     plan: ChannelId,
     log: ChannelId,
+    logged_av: ChannelId,
 }
 
 fn add<T: Encode>(encoder: &mut Encoder, topic: &str) -> Result<ChannelId, McapError> {
@@ -69,8 +72,11 @@ impl EpisodeWriter {
             predictions: add::<SceneUpdate>(&mut encoder, "/view/predictions")?,
             plan: add::<SceneUpdate>(&mut encoder, "/view/plan")?,
             log: add::<Log>(&mut encoder, "/log")?,
+            // New ones come last: the numbers of schemas and channels stay.
+            logged_av: add::<SceneUpdate>(&mut encoder, "/view/logged_av")?,
         };
-        Ok(Self { encoder, own, shown, origin: Origin::default(), height: 0.0, last: None, scratch: Vec::new() })
+        let (origin, contacts) = (Origin::default(), Contacts::default());
+        Ok(Self { encoder, own, shown, origin, height: 0.0, last: None, contacts, scratch: Vec::new() })
     }
 
     /// Writes the next message, and what shows it.
@@ -117,10 +123,13 @@ impl EpisodeWriter {
             Body::Observation(observation) => {
                 if let Some(av) = &observation.av {
                     self.height = av.z;
-                    self.show_av(step, av)?;
+                    // The first step begins where the log has the AV; the record before tells the others.
+                    let before = self.last.take().filter(|(after, ..)| *after == step);
+                    let logged = if step == 0 { Some(*av) } else { before.and_then(|(.., logged)| logged) };
+                    self.show_av(step, av, logged)?;
                 }
-                let agents = show::agents(observation, &self.origin);
-                self.put(self.shown.agents, step, &agents)?;
+                self.contacts.observe(observation);
+                self.show_agents(step, &observation.agents)?;
                 let signals = show::signals(observation, &self.origin);
                 self.put(self.shown.signals, step, &signals)
             }
@@ -133,17 +142,21 @@ impl EpisodeWriter {
                 self.put(self.shown.plan, step, &plan)
             }
             Body::Record(record) => {
-                self.last = record.av.map(|av| (step + 1, av));
+                self.last = record.av.map(|av| (step.saturating_add(1), av, record.logged_av));
                 Ok(())
             }
             Body::Event(event) => {
                 let level = if strokes::is_grave(event) { Level::Error } else { Level::Warning };
+                self.contacts.happen(event);
                 let log = show::log(step, level, event.kind().as_str_name(), event.text.clone());
                 self.put(self.shown.log, step, &log)
             }
             Body::End(end) => {
-                if let Some((step, av)) = self.last.take() {
-                    self.show_av(step, &av)?;
+                if let Some((step, av, logged)) = self.last.take() {
+                    self.show_av(step, &av, logged)?;
+                    if let Some(agents) = self.contacts.last_seen() {
+                        self.show_agents(step, &agents)?;
+                    }
                 }
                 let reason = strokes::end_sentence(end);
                 let log = show::log(step, Level::Info, "end", reason);
@@ -152,7 +165,19 @@ impl EpisodeWriter {
         }
     }
 
-    fn show_av(&mut self, step: u32, av: &proto::AgentState) -> Result<(), McapError> {
+    fn show_agents(&mut self, step: u32, agents: &[proto::Agent]) -> Result<(), McapError> {
+        let agents = show::agents(step, agents, &self.contacts, &self.origin);
+        self.put(self.shown.agents, step, &agents)
+    }
+
+    fn show_av(
+        &mut self,
+        step: u32,
+        av: &proto::AgentState,
+        logged: Option<proto::AgentState>,
+    ) -> Result<(), McapError> {
+        let logged = show::logged_av(step, logged.as_ref(), &self.origin);
+        self.put(self.shown.logged_av, step, &logged)?;
         let frames = show::frames(step, av, &self.origin);
         self.put(self.shown.frames, step, &frames)?;
         let av = show::av(step, av, &self.origin);

@@ -63,12 +63,26 @@ impl Boxes {
 
     /// Writes them, filled; nothing where there was never a box.
     pub fn log(self, store: &mut Store<'_>, path: impl Into<EntityPath>, rgba: Rgba) -> Result<(), RrdError> {
+        let style = Boxes3D::update_fields().with_fill_mode(FillMode::Solid).with_show_labels(false);
+        self.log_in(store, path.into(), style.with_colors([color(rgba)]))
+    }
+
+    /// Writes them, filled, with their labels shown.
+    pub fn log_labelled(self, store: &mut Store<'_>, path: impl Into<EntityPath>, rgba: Rgba) -> Result<(), RrdError> {
+        let style = Boxes3D::update_fields().with_fill_mode(FillMode::Solid).with_show_labels(true);
+        self.log_in(store, path.into(), style.with_colors([color(rgba)]))
+    }
+
+    /// Writes their edges alone.
+    pub fn log_edges(self, store: &mut Store<'_>, path: impl Into<EntityPath>, rgba: Rgba) -> Result<(), RrdError> {
+        let style = Boxes3D::update_fields().with_fill_mode(FillMode::MajorWireframe).with_show_labels(false);
+        self.log_in(store, path.into(), style.with_colors([color(rgba)]).with_radii([Radius::new_ui_points(1.25)]))
+    }
+
+    fn log_in(self, store: &mut Store<'_>, path: EntityPath, style: Boxes3D) -> Result<(), RrdError> {
         if self.rows.is_blank() {
             return Ok(());
         }
-        let path = path.into();
-        let style =
-            Boxes3D::update_fields().with_colors([color(rgba)]).with_fill_mode(FillMode::Solid).with_show_labels(false);
         store.log(path.clone(), &style)?;
         let boxes = Boxes3D::update_fields()
             .with_centers(self.centers)

@@ -1,13 +1,15 @@
 //! Messages in canonical order to the bytes of an episode's Rerun file.
 
+use re_chunk::EntityPath;
 use re_log_encoding::Encoder;
-use re_sdk_types::archetypes::{LineStrips3D, Points3D, SeriesLines, TextDocument, ViewCoordinates};
+use re_sdk_types::archetypes::{LineStrips3D, Points3D, RecordingInfo, SeriesLines, TextDocument, ViewCoordinates};
 use re_sdk_types::components::{LineStrip3D, Radius};
 use wire::proto::{self, AgentKind};
 
 use super::blueprint;
 use super::columns::{Boxes, Frame, Lines, Points, Series, Texts, color};
 use super::store::{RrdError, Store};
+use crate::contacts::Contacts;
 use crate::layers::{layers, stop_signs};
 use crate::message::{Body, Message};
 use crate::origin::Origin;
@@ -56,7 +58,12 @@ pub struct Drawing {
     /// Ground below the AV (m, the log's frame): plans and predictions have no height of their own.
     ground: f64,
     agents: [Boxes; KINDS.len()],
+    contacts: Contacts,
+    struck: Boxes,
+    touched: Boxes,
     av: Boxes,
+    /// Where the log has the AV.
+    ghost: Boxes,
     /// Rides with the AV, on the ground: what the viewer's camera is fixed to.
     ride: Frame,
     plan: Lines,
@@ -65,8 +72,16 @@ pub struct Drawing {
     plots: Plots,
     events: Texts,
     /// The AV after the last step: no observation follows that would show it.
-    last: Option<(u32, proto::AgentState)>,
+    last: Option<Last>,
     end: Option<proto::EpisodeEnd>,
+}
+
+/// The AV and where the log has it, after a step.
+#[derive(Clone, Copy)]
+struct Last {
+    step: u32,
+    av: proto::AgentState,
+    logged: Option<proto::AgentState>,
 }
 
 impl Drawing {
@@ -101,6 +116,7 @@ impl Drawing {
                     ("WARN", palette::signal(proto::SignalState::Caution))
                 };
                 self.events.push(step, event.text.clone(), level, rgba);
+                self.contacts.happen(event);
             }
             Body::End(end) => {
                 self.events.push(step, strokes::end_sentence(end), "INFO", palette::PLAN);
@@ -113,19 +129,39 @@ impl Drawing {
         let step = observation.step;
         if let Some(av) = &observation.av {
             self.place_av(step, av);
+            // The first step begins where the log has the AV; the record before tells the others.
+            let logged = self.last.filter(|last| last.step == step).and_then(|last| last.logged);
+            self.place_ghost(step, if step == 0 { Some(*av) } else { logged });
         }
-        for ((kind, _), boxes) in KINDS.iter().zip(&mut self.agents) {
-            let of_kind = observation.agents.iter().filter(|agent| agent.kind() == *kind);
-            let labelled = of_kind.filter_map(|agent| {
-                Some((agent.state.as_ref()?, format!("{} {}", strokes::kind_name(*kind), agent.track)))
-            });
-            boxes.push(step, labelled, &self.origin);
-        }
+        self.contacts.observe(observation);
+        self.place_agents(step, &observation.agents);
         let lights = observation.signals.iter().map(|signal| {
             let position = self.origin.place(signal.stop_x, signal.stop_y, signal.stop_z + LIFT);
             (position, palette::signal(signal.state()), format!("lane {}", signal.lane))
         });
         self.signals.push(step, lights);
+    }
+
+    fn place_agents(&mut self, step: u32, agents: &[proto::Agent]) {
+        for ((kind, _), boxes) in KINDS.iter().zip(&mut self.agents) {
+            let of_kind = agents.iter().filter(|agent| agent.kind() == *kind);
+            let untouched = of_kind.filter(|agent| self.contacts.mark(agent.track).is_none());
+            let labelled = untouched.filter_map(|agent| {
+                Some((agent.state.as_ref()?, format!("{} {}", strokes::kind_name(*kind), agent.track)))
+            });
+            boxes.push(step, labelled, &self.origin);
+        }
+        for (boxes, color) in [(&mut self.struck, palette::STRUCK), (&mut self.touched, palette::TOUCHED)] {
+            let marked = agents.iter().filter_map(|agent| {
+                let (rgba, label) = self.contacts.mark(agent.track)?;
+                (*rgba == color).then_some((agent.state.as_ref()?, label.clone()))
+            });
+            boxes.push(step, marked, &self.origin);
+        }
+    }
+
+    fn place_ghost(&mut self, step: u32, logged: Option<proto::AgentState>) {
+        self.ghost.push(step, logged.iter().map(|state| (state, "the logged AV".to_owned())), &self.origin);
     }
 
     fn place_av(&mut self, step: u32, av: &proto::AgentState) {
@@ -142,25 +178,32 @@ impl Drawing {
         plots.acceleration.push(step, record.control.as_ref().map(|control| control.acceleration));
         plots.steering.push(step, record.control.as_ref().map(|control| control.steering));
         plots.time_to_collision.push(step, record.time_to_collision);
-        self.last = record.av.map(|av| (step + 1, av));
+        self.last = record.av.map(|av| Last { step: step.saturating_add(1), av, logged: record.logged_av });
     }
 
-    /// The file: `run` and the scene name the recording, `settings` (TOML) are shown beside it.
+    /// The file: `run`, the scene and `settings` (TOML) name the recording, so that those of runs that differ stand side by side in
+    /// a viewer. The settings are shown beside it.
     ///
     /// # Errors
     /// [`RrdError`].
     pub fn finish(mut self, run: &str, settings: &str) -> Result<Vec<u8>, RrdError> {
-        if let Some((step, av)) = self.last.take() {
+        if let Some(Last { step, av, logged }) = self.last.take() {
             self.place_av(step, &av);
+            self.place_ghost(step, logged);
+            if let Some(agents) = self.contacts.last_seen() {
+                self.place_agents(step, &agents);
+            }
         }
         let scene = self.scene.take().unwrap_or_default();
-        let name = format!("{run}/{}", scene.scene);
+        let id = format!("{run}.{}.{:08x}", scene.scene, crc32fast::hash(settings.as_bytes()));
         let mut encoder = Encoder::local()?;
         // Its index is in the order of a hash map, another each time; viewers do without.
         encoder.do_not_emit_footer();
-        let blueprint = Store::blueprint(&mut encoder, &format!("{name}/blueprint"))?;
+        let blueprint = Store::blueprint(&mut encoder, &format!("{id}.blueprint"))?;
         blueprint::write(blueprint, self.ride.places(), &self.plots.views())?;
-        let mut store = Store::recording(&mut encoder, &name)?;
+        let mut store = Store::recording(&mut encoder, &id)?;
+        let name = format!("{run}, {}", scene.scene);
+        store.log(EntityPath::properties(), &RecordingInfo::new().with_name(name))?;
         store.log("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;
         store.log("settings", &TextDocument::from_markdown(format!("```toml\n{}\n```\n", settings.trim_end())))?;
         self.write_map(&mut store, &scene)?;
@@ -191,6 +234,9 @@ impl Drawing {
         for ((kind, path), boxes) in KINDS.into_iter().zip(self.agents) {
             boxes.log(store, path, palette::agent(kind))?;
         }
+        self.struck.log_labelled(store, "world/agents/struck", palette::STRUCK)?;
+        self.touched.log_labelled(store, "world/agents/touched", palette::TOUCHED)?;
+        self.ghost.log_edges(store, "world/logged_av", palette::GHOST)?;
         self.av.log(store, "world/av", palette::AV)?;
         self.ride.log(store, "world/ride")?;
         self.predictions.log(store, "world/predictions")?;

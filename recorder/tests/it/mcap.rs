@@ -1,7 +1,8 @@
 //! What an MCAP file holds, and that its bytes depend on nothing else.
 
 use recorder::mcap::EpisodeWriter;
-use recorder::message::Body;
+use recorder::message::{Body, Message};
+use wire::proto;
 
 use crate::synthetic::{self, SMALL, Size};
 use crate::{mcap_of, read_all, rrd_of};
@@ -29,12 +30,29 @@ fn the_summary_agrees_with_the_data_and_its_checksum_holds() {
     let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
     let stats = summary.stats.unwrap();
     assert_eq!(stats.message_count, mcap::MessageStream::new(&bytes).unwrap().count() as u64);
-    assert_eq!(stats.channel_count, 15);
-    assert_eq!(summary.channels.len(), 15);
+    assert_eq!(stats.channel_count, 16);
+    assert_eq!(summary.channels.len(), 16);
     for (id, channel) in summary.channels.iter().collect::<std::collections::BTreeMap<_, _>>() {
         assert_eq!(*id, channel.id);
         assert_eq!(channel.message_encoding, "protobuf");
     }
+}
+
+/// Readers that share a decoder factory among files go by these numbers alone. A line may be added; none may change.
+#[test]
+fn schemas_and_channels_keep_their_numbers_for_ever() {
+    let of_size = |size| mcap::Summary::read(&mcap_of(&synthetic::episode("s", size))).unwrap().unwrap();
+    let numbered = |summary: &mcap::Summary| {
+        let schemas = summary.schemas.iter().map(|(id, schema)| format!("schema {id:>2} {}", schema.name));
+        let channels = summary.channels.iter().map(|(id, channel)| format!("channel {id:>2} {}", channel.topic));
+        let mut lines: Vec<String> = schemas.chain(channels).collect();
+        lines.sort();
+        lines
+    };
+    let lines = numbered(&of_size(SMALL));
+    // Whether or not there are predictions and agents.
+    assert_eq!(numbered(&of_size(Size { agents: 0, steps: 1, futures: 0 })), lines);
+    insta::assert_snapshot!(lines.join("\n"));
 }
 
 #[test]
@@ -161,4 +179,59 @@ fn the_end_shows_the_av_after_the_last_step() {
     let (contents, messages) = read_all(&mcap_of(&episode)).unwrap();
     assert_eq!(contents.channels["/view/av"].messages, u64::from(SMALL.steps) + 1);
     assert!(matches!(messages.last().unwrap().body, Body::End(_)));
+}
+
+#[test]
+fn the_logged_av_is_drawn_beside_the_driven_one_at_every_step() {
+    use foxglove::messages::SceneUpdate;
+    use prost::Message as _;
+    let bytes = mcap_of(&synthetic::episode("s", SMALL));
+    let mut x: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
+    for message in mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap) {
+        let Some(which) = ["/view/av", "/view/logged_av"].iter().position(|topic| *topic == message.channel.topic)
+        else {
+            continue;
+        };
+        let update = SceneUpdate::decode(&*message.data).unwrap();
+        assert_eq!(message.log_time, x[which].len() as u64 * 100_000_000);
+        x[which].push(update.entities[0].cubes[0].pose.unwrap().position.unwrap().x);
+    }
+    let [driven, logged] = x;
+    assert_eq!((driven.len(), logged.len()), (6, 6));
+    for (step, (driven, logged)) in driven.iter().zip(&logged).enumerate() {
+        assert!((logged - driven - 0.016 * step as f64).abs() < 1e-3, "{step}: {logged} {driven}");
+    }
+}
+
+#[test]
+fn whom_the_av_touched_is_marked_from_then_on_and_at_the_end_lies_where_it_was_touched() {
+    use foxglove::messages::SceneUpdate;
+    use prost::Message as _;
+    let mut episode = synthetic::episode("s", Size { agents: 2, steps: 4, futures: 0 });
+    let contact = |step, track, at_fault, x: f64| {
+        let place = synthetic::CENTER;
+        let other = proto::AgentState { x: place.0 + x, y: place.1, z: place.2, length: 4.0, ..Default::default() };
+        let (kind, contact) = (proto::event::Kind::Collision, proto::event::Contact::Front);
+        let event = proto::Event { step, track: Some(track), at_fault, other: Some(other), ..Default::default() };
+        Message::encode(Body::Event(proto::Event { kind: kind.into(), contact: contact.into(), ..event }))
+    };
+    let end = episode.pop().unwrap();
+    let second = episode.iter().position(|message| message.step() == 2).unwrap();
+    episode.insert(second, contact(1, 101, false, 0.0));
+    episode.extend([contact(3, 100, true, 7.0), end]);
+    let bytes = mcap_of(&episode);
+    let mut shown = Vec::new();
+    for message in mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap) {
+        if message.channel.topic == "/view/agents" {
+            let update = SceneUpdate::decode(&*message.data).unwrap();
+            let texts = update.entities.iter().flat_map(|entity| entity.texts.iter().map(|text| text.text.clone()));
+            shown.push(texts.collect::<Vec<_>>().join(" | "));
+        }
+    }
+    let (touched, both) = ("vehicle 101, touched", "vehicle 100, struck | vehicle 101, touched");
+    assert_eq!(shown, ["", "", touched, touched, both]);
+    // A drawing for Rerun has the same.
+    let (contents, messages) = read_all(&bytes).unwrap();
+    assert_eq!((contents.trouble(), messages.len()), (None, episode.len()));
+    assert!(!rrd_of(&messages).is_empty());
 }

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use re_log_encoding::DecoderApp;
 use re_log_types::{LogMsg, StoreKind};
+use recorder::rrd::Drawing;
 
 use crate::rrd_of;
 use crate::synthetic::{self, SMALL};
@@ -36,9 +37,31 @@ fn the_recording_is_named_and_brings_its_layout() {
         stores.insert((message.store_id().application_id().to_string(), message.store_id().recording_id().to_string()));
         activated |= matches!(message, LogMsg::BlueprintActivationCommand(_));
     }
-    let expected = [("reloop", "test/s"), ("reloop", "test/s/blueprint")];
-    assert_eq!(stores, expected.map(|(app, id)| (app.to_owned(), id.to_owned())).into());
+    let id = format!("test.s.{:08x}", crc32fast::hash(synthetic::SETTINGS.as_bytes()));
+    let expected = [("reloop", id.clone()), ("reloop", id + ".blueprint")];
+    assert_eq!(stores, expected.map(|(app, id)| (app.to_owned(), id)).into());
     assert!(activated);
+}
+
+#[test]
+fn runs_of_other_settings_are_other_recordings_and_those_of_the_same_are_one() {
+    let id = |run: &str, scene: &str, settings: &str| {
+        let mut drawing = Drawing::default();
+        synthetic::episode(scene, SMALL).iter().for_each(|message| drawing.push(message));
+        let messages = decode(&drawing.finish(run, settings).unwrap());
+        let recording = messages.iter().find(|message| message.store_id().kind() == StoreKind::Recording).unwrap();
+        recording.store_id().recording_id().to_string()
+    };
+    let ids = [
+        id("a", "s", ""),
+        id("b", "s", ""),
+        id("a", "t", ""),
+        id("a", "s", "deadline = 5"),
+        id("a", "s", "deadline = 6"),
+    ];
+    assert_eq!(BTreeSet::from(ids.clone()).len(), ids.len(), "{ids:?}");
+    assert_eq!(id("a", "s", "deadline = 5"), ids[3]);
+    assert!(ids.iter().all(|id| !id.contains('/')), "{ids:?}");
 }
 
 #[test]

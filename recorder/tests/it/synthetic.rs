@@ -286,6 +286,7 @@ fn record(step: u32, events: u32) -> proto::StepRecord {
         position_error: Some(0.01 * f64::from(step)),
         in_one_lane: true,
         events,
+        logged_av: Some(av(1.02 * f64::from(step + 1))),
         ..proto::StepRecord::default()
     }
 }

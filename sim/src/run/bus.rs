@@ -1,20 +1,22 @@
 //! The driver that is a planner, perhaps with a predictor, on the bus.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use results::settings::Settings;
 use wire::hub::{EpisodeLine, Hub};
 use wire::keys::Worker;
-use wire::proto::{EpisodeEnd, Event, StepRecord};
+use wire::proto::{AgentState, EpisodeEnd, Event, StepRecord};
 use world::observation::{Briefing, Observation};
 use world::plan::Plan;
-use world::scene::SceneId;
+use world::scene::{Scene, Track};
 
 use super::drive::Driver;
 
 /// One episode's driver.
 pub struct BusDriver {
     line: EpisodeLine,
+    scene: Arc<Scene>,
     /// How long an answer may take.
     deadline: Duration,
     /// How long the recorder may take to close the recording; none where nobody records.
@@ -29,13 +31,13 @@ impl BusDriver {
     pub fn new(
         hub: &Hub,
         worker: &Worker,
-        scene: &SceneId,
+        scene: &Arc<Scene>,
         settings: &Settings,
         recorder: Option<Duration>,
     ) -> Result<Self, String> {
         let predicts = settings.predictor.is_some();
-        let line = hub.episode(worker, scene, predicts).map_err(|error| error.to_string())?;
-        Ok(Self { line, deadline: settings.deadline(), recorder })
+        let line = hub.episode(worker, scene.id(), predicts).map_err(|error| error.to_string())?;
+        Ok(Self { line, scene: Arc::clone(scene), deadline: settings.deadline(), recorder })
     }
 }
 
@@ -55,13 +57,23 @@ impl Driver for BusDriver {
     }
 
     fn step_done(&mut self, record: &StepRecord, events: &[Event]) {
-        self.line.publish_record(record);
-        events.iter().for_each(|event| self.line.publish_event(event));
+        // What pictures show beside the drive: where the log has the AV now, and whom the AV touches. Nobody answers any more.
+        let logged = |track: &Track| {
+            let state = track.states.get(record.log_index as usize).copied().flatten();
+            state.as_ref().map(AgentState::from)
+        };
+        self.line.publish_record(&StepRecord { logged_av: logged(self.scene.av()), ..*record });
+        for event in events {
+            let other = self.scene.tracks().iter().find(|track| Some(track.id.0) == event.track);
+            self.line.publish_event(&Event { other: other.and_then(logged), ..event.clone() });
+        }
     }
 
     fn end(&mut self, events: &[Event], end: &mut EpisodeEnd) -> Result<(), String> {
         events.iter().for_each(|event| self.line.publish_event(event));
-        *end = self.line.publish_end(end.clone()).map_err(|error| error.to_string())?;
+        let told = self.line.publish_end(end.clone()).map_err(|error| error.to_string())?;
+        // Results are those of the drive, however its messages were written.
+        *end = EpisodeEnd { digest: Vec::new(), ..told };
         let recorded = self.recorder.map(|patience| self.line.await_recorded(patience));
         recorded.unwrap_or(Ok(())).map_err(|error| error.to_string())
     }

@@ -245,13 +245,12 @@ impl Worker<'_> {
         Some(Event::Driven { worker: self.number, driver_failed, recorded })
     }
 
-    fn drive_episode(&mut self, episode: Episode, scene: &Scene, record: bool) -> Option<Part> {
+    fn drive_episode(&mut self, episode: Episode, scene: &Arc<Scene>, record: bool) -> Option<Part> {
         let shared = self.shared;
         let settings = &shared.file.settings;
         let start = AgentState::from(&episode.observe().av);
         let start_log_index = episode.briefing().start;
-        let mut driver = match BusDriver::new(&shared.hub, &self.name, scene.id(), settings, record.then_some(CLOSING))
-        {
+        let mut driver = match BusDriver::new(&shared.hub, &self.name, scene, settings, record.then_some(CLOSING)) {
             Ok(driver) => driver,
             Err(reason) => return Some(self.unreadable(scene.id().as_str(), &reason)),
         };
