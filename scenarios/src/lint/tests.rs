@@ -184,6 +184,12 @@ fn a_signal_that_nobody_keeps_to_is_out_of_step() {
     let waits = found("red-light", |parts| {
         all(SignalState::Go)(parts);
         parts.signals.iter_mut().for_each(|signals| signals.retain(|signal| signal.lane.0 == 59));
+        let stop = parts.signals[0][0].stop_point.xy();
+        let av = &mut parts.tracks[parts.av_index].states;
+        let is_near = |state: &AgentState| state.oriented_box().front().distance(stop) < 4.0;
+        let stands = av.iter().position(|state| state.as_ref().is_some_and(is_near)).unwrap();
+        let standing = av[stands].map(|state| AgentState { velocity_x: 0.0, velocity_y: 0.0, ..state });
+        av[stands..].fill(standing);
     });
     assert!(of(&waits, "signal-out-of-step").to_string().contains("stand at its green"), "{waits:?}");
     assert!(found("red-light", |_| {}).iter().all(|lint| lint.code() != "signal-out-of-step"));
