@@ -1,6 +1,7 @@
 //! The crate from outside: real files where they are present, damaged files, sets, the binary.
 #![allow(clippy::unwrap_used, clippy::expect_used, missing_docs, reason = "a test may fail by panic")]
 
+mod cases;
 mod cli;
 mod damage;
 mod identity;
@@ -10,17 +11,23 @@ mod sets;
 
 use std::path::PathBuf;
 
-/// The folder of real scenes, or `None` with a word on standard error: they are licensed, so not in this repository.
-fn real_data() -> Option<PathBuf> {
+/// A file or folder of material that is licensed or large, so not in this repository; `None` with a word on standard error
+/// where it is not at hand.
+fn shared(name: &str) -> Option<PathBuf> {
     let repository = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
     let places = [
         std::env::var_os("RELOOP_SHARED").map(PathBuf::from),
         Some(repository.join("../shared")),
         Some(repository.join("../../shared")),
     ];
-    let found = places.into_iter().flatten().map(|place| place.join("data")).find(|data| data.is_dir());
+    let found = places.into_iter().flatten().map(|place| place.join(name)).find(|path| path.exists());
     if found.is_none() {
-        eprintln!("skipped: no real scenes here (set RELOOP_SHARED)");
+        eprintln!("skipped: no {name} here (set RELOOP_SHARED)");
     }
     found
+}
+
+/// The folder of real scenes.
+fn real_data() -> Option<PathBuf> {
+    shared("data")
 }

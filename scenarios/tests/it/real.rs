@@ -56,3 +56,22 @@ fn a_tf_example_is_refused_by_name() {
     assert!(matches!(error.problem, RecordProblem::Womd(womd::WomdError::TfExample)), "{error}");
     assert_eq!((error.record, error.offset), (0, 0));
 }
+
+#[test]
+fn packed_scenes_are_those_that_their_list_names() {
+    let Some(data) = real_data() else { return };
+    let Ok(list) = std::fs::read_to_string(data.join("train-9s/scenes.csv")) else {
+        eprintln!("skipped: no packed scenes here");
+        return;
+    };
+    let set = open(&["train-9s"]).unwrap();
+    let listed: Vec<Vec<&str>> = list.lines().skip(1).map(|line| line.split(',').collect()).collect();
+    assert_eq!((set.entries().len(), listed.len()), (419, 419));
+    // Every twentieth, the last first: each is reached by itself.
+    for index in (0..listed.len()).rev().step_by(20) {
+        let (scene, _) = set.load(index).unwrap();
+        assert_eq!(scene.id().as_str(), listed[index][0]);
+        assert_eq!((scene.steps(), scene.tracks().len()), (91, listed[index][4].parse().unwrap()));
+        assert_eq!(scene.map().lanes.len(), listed[index][11].parse::<usize>().unwrap());
+    }
+}
