@@ -2,7 +2,7 @@
 
 use std::io::Read;
 
-use crate::tfrecord::{Decoder, Records};
+use crate::tfrecord::{Decoder, Packing, Records, Restart, Unpack};
 use crate::{SetFile, lint, womd};
 
 /// Any bytes as a TFRecord file: no panic, and the same records however the bytes arrive.
@@ -28,6 +28,45 @@ pub fn tfrecord(bytes: &[u8]) {
     let _ = decoder.space();
     let _ = decoder.advance(usize::MAX / 2);
     let _ = (decoder.record(), decoder.end());
+}
+
+/// Any bytes as a packed TFRecord file, with gzip and with zlib: no panic, the same records however the bytes arrive (up to where
+/// damage shows), and the last record again from where the file was entered for it.
+///
+/// # Panics
+/// If that does not hold.
+pub fn packed(bytes: &[u8]) {
+    for packing in [Packing::Gzip, Packing::Zlib] {
+        let all = |chunk: usize| {
+            let source = Unpack::from(Chunks { bytes, chunk }, &Restart::beginning(packing));
+            let (mut records, mut found) = (Records::new(source), Vec::new());
+            loop {
+                let restart = records.source().restart();
+                match records.next_record() {
+                    Ok(Some(record)) => found.push((record.offset, record.payload.to_vec(), restart)),
+                    Ok(None) => return (found, None),
+                    Err(error) => return (found, Some(error.to_string())),
+                }
+            }
+        };
+        let ((found, end), (other, other_end)) = (all(usize::MAX), all(1 + bytes.len() % 7));
+        // How much comes out of a block before its damage shows is the decompressor's affair; what does is the same.
+        let same = found.iter().zip(&other).all(|(one, two)| (one.0, &one.1) == (two.0, &two.1));
+        let whole = found.len() == other.len() || end.is_some();
+        assert!(same && whole && end.is_some() == other_end.is_some(), "the records depend on how the bytes arrive");
+        if let Some((offset, payload, restart)) = found.last() {
+            let rest = bytes.get(restart.byte() as usize..).unwrap_or_default();
+            let source = Unpack::from(Chunks { bytes: rest, chunk: usize::MAX }, restart);
+            let mut records = Records::starting_at(source, 0, *offset);
+            match records.next_record() {
+                Ok(Some(again)) => {
+                    assert_eq!(again.payload, payload, "a record differs where the file is entered for it")
+                }
+                // The stream's own checksum is not looked at from the middle: what fails there failed before.
+                other => panic!("a record is not found where the file is entered for it: {other:?}"),
+            }
+        }
+    }
 }
 
 struct Chunks<'a> {
@@ -168,6 +207,20 @@ mod tests {
             crate::tfrecord::append_record(&mut file, payload);
         }
         mutated(&[file], 20_000, tfrecord);
+    }
+
+    #[test]
+    fn mutated_packed_files_do_no_harm() {
+        let mut file = Vec::new();
+        for payload in [&b"one"[..], b"", &[7; 3000], b"three and a little more"] {
+            crate::tfrecord::append_record(&mut file, payload);
+        }
+        let mut gzip = vec![0x1f, 0x8b, 8, 8, 0, 0, 0, 0, 0, 255, b'n', 0];
+        gzip.extend(miniz_oxide::deflate::compress_to_vec(&file, 6));
+        gzip.extend(crc32fast::hash(&file).to_le_bytes());
+        gzip.extend((file.len() as u32).to_le_bytes());
+        let seeds = [gzip.clone(), [&gzip[..], &gzip].concat(), miniz_oxide::deflate::compress_to_vec_zlib(&file, 6)];
+        mutated(&seeds, 6_000, packed);
     }
 
     #[test]

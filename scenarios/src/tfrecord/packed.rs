@@ -97,15 +97,14 @@ pub struct Restart {
     byte: u64,
     /// How many bytes were unpacked before it.
     unpacked: u64,
-    /// The decompressor within a stream; `None` at a stream's beginning.
-    state: Option<Box<InflateState>>,
+    stage: Stage,
 }
 
 impl Restart {
     /// The beginning of a file.
     #[must_use]
     pub fn beginning(packing: Packing) -> Self {
-        Self { packing, byte: 0, unpacked: 0, state: None }
+        Self { packing, byte: 0, unpacked: 0, stage: Stage::Header }
     }
 
     /// How the file is packed.
@@ -141,11 +140,14 @@ impl PartialEq for Restart {
 
 impl Eq for Restart {}
 
-/// Where in a packed file the next byte belongs.
+/// What the next byte of a packed file belongs to.
+#[derive(Clone)]
 enum Stage {
     /// Before a stream, or at the file's end if there was one.
     Header,
     Stream(Box<InflateState>),
+    /// After a stream, before its checksum.
+    Trailer,
     End,
 }
 
@@ -169,16 +171,12 @@ pub struct Unpack<R> {
 impl<R: Read> Unpack<R> {
     /// Unpacks `source`, whose next byte is that of `restart`.
     pub fn from(source: R, restart: &Restart) -> Self {
-        let stage = match &restart.state {
-            Some(state) => Stage::Stream(state.clone()),
-            None => Stage::Header,
-        };
         Self {
             source,
             packing: restart.packing,
             buffer: vec![0; BUFFER_BYTES],
             pending: 0..0,
-            stage,
+            stage: restart.stage.clone(),
             byte: restart.byte,
             unpacked: restart.unpacked,
             origin: (restart.byte, restart.unpacked),
@@ -189,11 +187,7 @@ impl<R: Read> Unpack<R> {
     /// The place that has been read up to.
     #[must_use]
     pub fn restart(&self) -> Restart {
-        let state = match &self.stage {
-            Stage::Stream(state) => Some(state.clone()),
-            Stage::Header | Stage::End => None,
-        };
-        Restart { packing: self.packing, byte: self.byte, unpacked: self.unpacked, state }
+        Restart { packing: self.packing, byte: self.byte, unpacked: self.unpacked, stage: self.stage.clone() }
     }
 
     /// How many bytes have been unpacked.
@@ -312,11 +306,17 @@ impl<R: Read> Read for Unpack<R> {
             return Ok(0);
         }
         loop {
-            if let Stage::Header = self.stage {
-                self.begin()?;
+            match self.stage {
+                Stage::Header => self.begin()?,
+                Stage::Trailer => self.end()?,
+                Stage::Stream(_) | Stage::End => {}
             }
             let more = self.fill()?;
-            let Stage::Stream(state) = &mut self.stage else { return Ok(0) };
+            let state = match &mut self.stage {
+                Stage::Stream(state) => state,
+                Stage::End => return Ok(0),
+                Stage::Header | Stage::Trailer => continue,
+            };
             let result = inflate(state, &self.buffer[self.pending.clone()], space, MZFlush::None);
             self.pending.start += result.bytes_consumed;
             self.byte += result.bytes_consumed as u64;
@@ -329,16 +329,19 @@ impl<R: Read> Read for Unpack<R> {
             if unpacked > GROWTH_COUNTS_FROM && unpacked / MOST_GROWTH > taken {
                 return Err(self.error(PackedProblem::Bomb { unpacked: self.unpacked }));
             }
+            if let Ok(MZStatus::StreamEnd) = result.status {
+                self.stage = Stage::Trailer;
+            }
+            // What was unpacked before a fault is given first, so that a record is whole however the bytes arrive.
+            if result.bytes_written > 0 {
+                return Ok(result.bytes_written);
+            }
             match result.status {
-                Ok(MZStatus::StreamEnd) => self.end()?,
-                Ok(_) | Err(MZError::Buf) if result.bytes_written == 0 && result.bytes_consumed == 0 && !more => {
+                Ok(_) | Err(MZError::Buf) if result.bytes_consumed == 0 && !more => {
                     return Err(self.error(PackedProblem::CutOff));
                 }
                 Ok(_) | Err(MZError::Buf) => {}
                 Err(_) => return Err(self.error(PackedProblem::Damaged)),
-            }
-            if result.bytes_written > 0 {
-                return Ok(result.bytes_written);
             }
         }
     }
