@@ -229,3 +229,19 @@ fn a_plan_without_controls_has_no_cost() {
     hint: gauss-newton and idm plan controls
     ");
 }
+
+#[test]
+fn a_step_after_the_damage_is_explained_and_no_damage_makes_a_panic() {
+    let road = Road::new(0.4, 8.0, "strict");
+    let chunks = WriteOptions::new().chunk_size(Some(1));
+    let whole = recording_with(chunks, &road, true, &planned(&road), None);
+    // The chunks are scene, observation, prediction and plan of step 0, then of step 1.
+    let name = |nth: usize| whole.windows(4).enumerate().filter(|(_, window)| window == b"zstd").nth(nth).unwrap().0;
+    let mut bytes = whole.clone();
+    bytes[name(2) + 20] ^= 0x55;
+    explained(&bytes, 1).unwrap();
+    for seed in 0..400 {
+        let bytes = ::recording::mutants::mutant(&whole, &mut ::recording::mutants::Dice(seed));
+        let _ = step_of(&bytes, Path::new("road.mcap"), 1);
+    }
+}

@@ -27,6 +27,10 @@ const KINDS: [(AgentKind, &str); 4] = [
 /// Drawn above the ground, so that the paint below does not shine through (m).
 const LIFT: f64 = 0.3;
 
+/// The most that is drawn, in points of lines; a box counts as eight. A drive of 20 s among a thousand agents with six futures each
+/// has half of it: more has only what was made to harm.
+const MOST_POINTS: usize = 1 << 25;
+
 /// What is plotted.
 #[derive(Default)]
 struct Plots {
@@ -74,6 +78,8 @@ pub struct Drawing {
     /// The AV after the last step: no observation follows that would show it.
     last: Option<Last>,
     end: Option<proto::EpisodeEnd>,
+    /// What is drawn so far, see [`MOST_POINTS`].
+    points: usize,
 }
 
 /// The AV and where the log has it, after a step.
@@ -88,6 +94,14 @@ impl Drawing {
     /// Draws the next message.
     pub fn push(&mut self, message: &Message) {
         let step = message.step();
+        let fits = self.points <= MOST_POINTS;
+        self.points = self.points.saturating_add(points(&message.body));
+        if self.points > MOST_POINTS {
+            if fits {
+                self.events.push(step, "too much to draw: the drawing ends here".to_owned(), "ERROR", palette::STRUCK);
+            }
+            return;
+        }
         match &message.body {
             Body::Scene(scene) => {
                 self.origin = Origin::of_scene(scene);
@@ -267,6 +281,21 @@ impl Drawing {
             store.log("outcome", &TextDocument::from_markdown(outcome(end)))?;
         }
         Ok(())
+    }
+}
+
+/// How much is drawn of a message, about.
+fn points(body: &Body) -> usize {
+    match body {
+        Body::Observation(observation) => 8 * (observation.agents.len() + observation.signals.len() + 1),
+        Body::Prediction(prediction) => {
+            let trajectories = prediction.futures.iter().flat_map(|future| &future.trajectories);
+            trajectories.map(|trajectory| 1 + trajectory.x.len() / 5).sum()
+        }
+        Body::Plan(plan) => plan.states.len(),
+        Body::Event(event) => 8 + event.text.len() / 12,
+        Body::Record(_) => 8,
+        Body::Scene(_) | Body::End(_) => 0,
     }
 }
 

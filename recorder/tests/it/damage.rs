@@ -4,6 +4,8 @@ use proptest::prelude::*;
 use recorder::fuzzing;
 use recorder::message::CHANNELS;
 
+use recording::mutants::{Dice, mutant};
+
 use crate::{mcap_of, synthetic};
 
 /// The messages of an episode as [`fuzzing::messages`] reads them.
@@ -45,5 +47,13 @@ proptest! {
             bytes[place] = byte;
         }
         fuzzing::messages(&bytes);
+    }
+}
+
+#[test]
+fn recordings_that_are_damaged_with_knowledge_of_them_are_read_or_refused() {
+    let whole = mcap_of(&synthetic::episode("damaged", synthetic::SMALL));
+    for seed in 0..400 {
+        fuzzing::recording(&mutant(&whole, &mut Dice(seed)));
     }
 }
