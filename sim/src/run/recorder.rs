@@ -1,4 +1,4 @@
-//! The recorder's thread: starts it when told to, and says when it is gone.
+//! The recorder's thread: starts it when told to, and says when it is gone, or hears nothing any more.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
@@ -39,12 +39,27 @@ pub fn keep(shared: &Arc<Shared>, groups: &Groups, orders: &Receiver<()>, events
                 }
                 break;
             }
+            if !is_on_the_bus(shared) {
+                // Its connection was cut, for it took nothing: frozen, it would not leave by itself, and waiting for that costs again.
+                drop(process);
+                if events
+                    .send(Event::RecorderLost("the recorder was frozen, or lost its connection".to_owned()))
+                    .is_err()
+                {
+                    return;
+                }
+                break;
+            }
             // No order comes while it runs: this waits for the end of the run.
             if orders.recv_timeout(GLANCE) == Err(RecvTimeoutError::Disconnected) {
                 return process.stop(CLOSING);
             }
         }
     }
+}
+
+fn is_on_the_bus(shared: &Shared) -> bool {
+    shared.hub.nodes().iter().any(|node| node.role == Role::Recorder)
 }
 
 fn start(shared: &Shared, groups: &Groups) -> Result<Process, String> {

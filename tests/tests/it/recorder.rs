@@ -1,4 +1,6 @@
-//! A recorder that dies costs recordings and no result.
+//! A recorder that dies or freezes costs recordings and no result.
+
+use std::time::{Duration, Instant};
 
 use nix::sys::signal::{Signal, kill};
 use results::parquet::Table;
@@ -33,4 +35,26 @@ fn a_recorder_killed_in_the_middle_is_started_again_and_the_run_says_so() {
     if broken == 1 {
         assert!(stage.sim("table run").out.contains("is not recorded whole"));
     }
+}
+
+#[test]
+fn a_frozen_recorder_is_cut_off_once_and_another_takes_its_place() {
+    let stage = Stage::new();
+    let begin = Instant::now();
+    stage.good_sim("run --scenarios small.toml --parallel 1 --out whole");
+    let whole = begin.elapsed();
+    let begin = Instant::now();
+    let sim = stage.start("run --scenarios small.toml --parallel 1 --out run");
+    wait_until("an episode is done", || stage.parts("run") > 0);
+    let frozen = stage.wait_for("recorder");
+    kill(frozen, Signal::SIGSTOP).unwrap();
+    let output = sim.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    // 5 s until it is noticed, once; the rest is a busy machine's.
+    let (took, most) = (begin.elapsed(), 3 * whole + Duration::from_secs(8));
+    assert!(took < most, "it took {took:?}, a run without it {whole:?}\n{said}");
+    stage.wait_until_alone();
+    let read =
+        |run: &str| Table::read(&stage.path(run).join("results.parquet")).unwrap().text("episode_sha256").unwrap();
+    assert_eq!(read("run"), read("whole"), "results do not depend on the recorder");
 }
