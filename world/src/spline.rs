@@ -1,8 +1,18 @@
-//! A natural cubic spline through points of the plane, over the chord length along them.
+//! A cubic spline through points of the plane, over the chord length along them.
 
 use crate::geometry::Point;
 
-/// x and y as cubics between knots, without curvature at both ends.
+/// What the spline does at its first and its last point, where nothing says how it goes on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Ends {
+    /// It straightens out: no curvature at the end, even inside a bend, which bends it over its first two or three pieces (the authors').
+    Natural,
+    /// It bends on as the data do: the second derivative goes on over the last piece as over the one before it, "not a knot".
+    /// Over a last piece that is the longer one it changes by no more than over the one before.
+    Continued,
+}
+
+/// x and y as cubics between knots.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Spline {
     /// Chord length from the first point to each (m); ascending, not strictly.
@@ -46,7 +56,7 @@ impl Spline {
     /// The spline through `points`, or `None` for fewer than two. `padding` metres are added to each chord where the
     /// coefficients are made, not where they are used: 0, or the authors' 0.001, which allows points to repeat and moves
     /// the spline by up to about a millimetre at its knots. With 0 no point may repeat the one before it.
-    pub(crate) fn new(points: &[Point], padding: f64) -> Option<Self> {
+    pub(crate) fn new(points: &[Point], padding: f64, ends: Ends) -> Option<Self> {
         if points.len() < 2 {
             return None;
         }
@@ -56,7 +66,7 @@ impl Spline {
             knots.push(knots[knots.len() - 1] + chord);
         }
         let steps: Vec<f64> = chords.iter().map(|chord| chord + padding).collect();
-        let c = second_coefficients(points, &steps);
+        let c = second_coefficients(points, &steps, ends);
         let piece = |i: usize| {
             let h = steps[i];
             let slope = (points[i + 1] - points[i]) * (1.0 / h);
@@ -124,21 +134,43 @@ impl Spline {
     }
 }
 
-/// Half the second derivatives at the knots: the tridiagonal system of the natural spline, by elimination and back
-/// substitution. It is diagonally dominant, so no pivoting is needed.
-fn second_coefficients(points: &[Point], steps: &[f64]) -> Vec<Point> {
+/// Half the second derivatives at the knots: a tridiagonal system by elimination and back substitution. It is diagonally
+/// dominant with either kind of ends, so no pivoting is needed.
+fn second_coefficients(points: &[Point], steps: &[f64], ends: Ends) -> Vec<Point> {
     let n = points.len();
+    // The second derivative at an end is (1 + share) times that at its neighbor less share times that at the next.
+    let share = |end: usize, inner: usize| match ends {
+        Ends::Natural => None,
+        Ends::Continued => Some((steps[end] / steps[inner]).min(1.0)),
+    };
+    let (first, last) = if n > 3 { (share(0, 1), share(n - 2, n - 3)) } else { (None, None) };
     let (mut ratio, mut right) = (vec![0.0; n], vec![Point::default(); n]);
     for i in 1..n - 1 {
         let (before, after) = (steps[i - 1], steps[i]);
         let bend = (points[i + 1] - points[i]) * (3.0 / after) - (points[i] - points[i - 1]) * (3.0 / before);
-        let pivot = 2.0 * (before + after) - before * ratio[i - 1];
-        ratio[i] = after / pivot;
-        right[i] = (bend - right[i - 1] * before) * (1.0 / pivot);
+        let (mut below, mut diagonal, mut above) = (before, 2.0 * (before + after), after);
+        if let Some(share) = first.filter(|_| i == 1) {
+            diagonal += before * (1.0 + share);
+            above -= before * share;
+        }
+        if let Some(share) = last.filter(|_| i == n - 2) {
+            diagonal += after * (1.0 + share);
+            below -= after * share;
+            above = 0.0;
+        }
+        let pivot = diagonal - below * ratio[i - 1];
+        ratio[i] = above / pivot;
+        right[i] = (bend - right[i - 1] * below) * (1.0 / pivot);
     }
     let mut c = vec![Point::default(); n];
     for i in (1..n - 1).rev() {
         c[i] = right[i] - c[i + 1] * ratio[i];
+    }
+    if let Some(share) = first {
+        c[0] = c[1] * (1.0 + share) - c[2] * share;
+    }
+    if let Some(share) = last {
+        c[n - 1] = c[n - 2] * (1.0 + share) - c[n - 3] * share;
     }
     c
 }
@@ -147,13 +179,47 @@ fn second_coefficients(points: &[Point], steps: &[f64]) -> Vec<Point> {
 mod tests {
     use super::*;
 
-    fn circle(radius: f64, points: usize) -> Vec<Point> {
-        (0..points).map(|i| Point::unit(i as f64 * 0.1) * radius).collect()
+    /// Points so many metres of arc apart.
+    fn circle(radius: f64, points: usize, spacing: f64) -> Vec<Point> {
+        (0..points).map(|i| Point::unit(i as f64 * spacing / radius) * radius).collect()
+    }
+
+    #[test]
+    fn a_spline_that_goes_on_has_the_circles_curvature_up_to_its_ends() {
+        let error = |ends: Ends, radius: f64| {
+            let spline = Spline::new(&circle(radius, 25, 5.0), 0.0, ends).unwrap();
+            let bent = move |s: f64| (spline.at(s).curvature() * radius - 1.0).abs();
+            let end = 24.0 * 2.0 * radius * libm::sin(2.5 / radius);
+            move |from_end: f64| bent(from_end).max(bent(end - from_end))
+        };
+        let natural = error(Ends::Natural, 20.0);
+        assert!(natural(0.0) > 0.99, "none at all");
+        let reach = (0..300).map(|i| 0.1 * f64::from(i)).rfind(|from_end| natural(*from_end) > 0.03).unwrap();
+        assert!((10.0..15.0).contains(&reach), "its bend is off by more than 3 % up to {reach} m in");
+        for (radius, bound) in [(10.0, 0.1), (20.0, 0.02), (80.0, 0.002)] {
+            let continued = error(Ends::Continued, radius);
+            let worst = (0..300).map(|i| continued(0.1 * f64::from(i))).fold(0.0, f64::max);
+            assert!(worst < bound, "radius {radius}: {worst}");
+        }
+    }
+
+    #[test]
+    fn a_long_last_piece_is_not_bent_by_more_than_what_is_known() {
+        // 5 m apart on a bend, and then 60 m on: beyond its points nobody knows how it bends.
+        let mut points = circle(20.0, 8, 5.0);
+        let (last, before) = (points[7], points[6]);
+        points.push(last + (last - before) * 12.0);
+        let spline = Spline::new(&points, 0.0, Ends::Continued).unwrap();
+        assert!((0..900).all(|i| spline.at(f64::from(i) * 0.1).curvature().abs() < 0.08));
+        for few in 2..5 {
+            let spline = Spline::new(&points[..few], 0.0, Ends::Continued).unwrap();
+            assert!(spline.at(0.0).curvature().is_finite());
+        }
     }
 
     #[test]
     fn points_on_a_circle_give_its_curvature_and_a_right_angle_to_the_radius() {
-        let spline = Spline::new(&circle(20.0, 40), 0.0).unwrap();
+        let spline = Spline::new(&circle(20.0, 40, 2.0), 0.0, Ends::Natural).unwrap();
         let middle = spline.at(0.5 * spline.end());
         assert!((middle.curvature() - 0.05).abs() < 2e-4, "{}", middle.curvature());
         assert!((middle.position.norm() - 20.0).abs() < 1e-4);
@@ -162,7 +228,7 @@ mod tests {
 
     #[test]
     fn samples_by_arc_are_evenly_spaced() {
-        let spline = Spline::new(&circle(5.0, 30), 0.0).unwrap();
+        let spline = Spline::new(&circle(5.0, 30, 0.5), 0.0, Ends::Natural).unwrap();
         let points: Vec<Point> = spline.parameters_by_arc(0.1).into_iter().map(|s| spline.at(s).position).collect();
         assert!(points.windows(2).all(|pair| (pair[0].distance(pair[1]) - 0.1).abs() < 1e-4));
         // The whole arc is sampled: 2.9 rad of 5 m.
@@ -171,9 +237,9 @@ mod tests {
 
     #[test]
     fn the_spline_passes_its_points_without_padding_and_near_them_with_it() {
-        let points = circle(20.0, 12);
+        let points = circle(20.0, 12, 2.0);
         for (padding, tolerance) in [(0.0, 1e-12), (0.001, 2e-3)] {
-            let spline = Spline::new(&points, padding).unwrap();
+            let spline = Spline::new(&points, padding, Ends::Natural).unwrap();
             let mut s = 0.0;
             for pair in points.windows(2) {
                 // Just before the knot, so that the piece before it is asked.
@@ -186,11 +252,11 @@ mod tests {
     #[test]
     fn with_padding_points_may_repeat() {
         let (a, b) = (Point::new(0.0, 0.0), Point::new(10.0, 0.0));
-        let spline = Spline::new(&[a, b, b, b, Point::new(20.0, 1.0)], 0.001).unwrap();
+        let spline = Spline::new(&[a, b, b, b, Point::new(20.0, 1.0)], 0.001, Ends::Natural).unwrap();
         for i in 0..200 {
             let at = spline.at(f64::from(i) * 0.1);
             assert!(at.position.x.is_finite() && at.curvature().is_finite());
         }
-        assert!(Spline::new(&[a], 0.001).is_none());
+        assert!(Spline::new(&[a], 0.001, Ends::Natural).is_none());
     }
 }

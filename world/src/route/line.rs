@@ -5,7 +5,7 @@ use crate::geometry::{Point, Pose, polygon_contains};
 use crate::map::{Area, Map};
 use crate::map_matching::LanePoints;
 use crate::reference_line::{ReferenceLine, SAMPLE_SPACING};
-use crate::spline::Spline;
+use crate::spline::{Ends, Spline};
 
 /// What the authors add to each chord where they make the spline's coefficients (m).
 const PAPER_PADDING: f64 = 0.001;
@@ -26,8 +26,11 @@ pub(super) fn build(
     if length.is_nan() || length > MAX_LENGTH {
         return Err(RouteError::TooLong { length, limit: MAX_LENGTH });
     }
-    let padding = if style == RouteStyle::Paper { PAPER_PADDING } else { 0.0 };
-    let spline = Spline::new(&points, padding).ok_or(RouteError::TooShort)?;
+    let (padding, ends) = match style {
+        RouteStyle::Paper => (PAPER_PADDING, Ends::Natural),
+        RouteStyle::Strict => (0.0, Ends::Continued),
+    };
+    let spline = Spline::new(&points, padding, ends).ok_or(RouteError::TooShort)?;
     let parameters = match style {
         RouteStyle::Paper => parameters_by_chord(spline.end()),
         RouteStyle::Strict => spline.parameters_by_arc(SAMPLE_SPACING),
