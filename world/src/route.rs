@@ -3,7 +3,7 @@
 //! It is made from the lanes that the *whole* logged AV track took: it tells where, never when. All that is static is built
 //! once an episode; a step's window is a range of the line and the rows of red stop points, looked up.
 //!
-//! Two styles, one construction: waypoints on lanes, a natural cubic spline through them, samples every 0.1 m.
+//! Two styles, one construction: waypoints on lanes, a cubic spline through them, samples every 0.1 m.
 //! [`RouteStyle::Paper`] is the authors' (`paper.rs`). [`RouteStyle::Strict`] (`strict.rs`) mends it:
 //!
 //! | | paper | strict |
@@ -16,12 +16,14 @@
 //! | ahead | the first exit lane, if the AV ends on a lane's last 40 points | 120 m along the straightest exits |
 //! | coefficients | over chords + 0.001 m | over chords |
 //! | samples | every 0.1 m of chord length | every 0.1 m of arc: the station of sample `i` is `0.1 i` |
-//! | red stop points | stop, arrow stop, flashing stop of any lane, rows within 0.2 m | stop and arrow stop of the route's lanes, the nearest row within 1.5 m; of a lane that the map lacks within 0.2 m |
+//! | red stop points | stop, arrow stop, flashing stop of any lane, rows within 0.2 m | stop and arrow stop of the route's lanes, of each pass the nearest row within 1.5 m; of a lane that the map lacks within 0.2 m |
+//! | ends of the spline | straighten out, even inside a bend | bend on |
 //!
 //! Both give the speed limit and height of the lane at each place. (The authors hold one limit for the whole line, that of the
 //! lane under the AV: the `paper` protocol makes it with [`LanePoints::authors_match`](crate::map_matching::LanePoints).)
 
 mod drive;
+pub mod follow;
 mod line;
 mod paper;
 mod red_stops;
@@ -106,7 +108,7 @@ impl Route {
         let frame = FrenetFrame::new(Arc::clone(&line)).ok_or(RouteError::TooShort)?;
         let id = |lane: usize| map.lanes[lane].id;
         let lanes: Vec<MapId> = lanes.into_iter().map(id).collect();
-        let stops = RouteStops::new(scene, style, &lanes, &samples);
+        let stops = RouteStops::new(scene, style, &lanes, &line, &samples);
         Ok(Self {
             lanes,
             line,
@@ -155,7 +157,8 @@ impl Route {
         self.frame.point_to_frenet(point, nearest)
     }
 
-    /// The sample nearest to `point`, the first of equals, and its distance (m).
+    /// The sample of the whole line nearest to `point`, the first of equals, and its distance (m). Where the route passes a place
+    /// twice it may be of either pass: [`follow`] knows which.
     #[must_use]
     pub fn nearest_sample(&self, point: Point) -> (usize, f64) {
         self.samples.nearest(point).unwrap_or((0, f64::INFINITY)) // a point that is not finite is near nothing

@@ -16,6 +16,14 @@ use crate::idm::{Corridor, DesiredSpeed};
 /// A red light whose stop point is this far behind the AV's front is passed (m): the AV may stand on it.
 const PASSED: f64 = 1.0;
 
+/// Samples farther apart than these (20 m) are of two passes, if they are nearer to each other than this (m).
+const PASS: usize = 200;
+const SAME_PLACE: f64 = 2.5;
+
+/// Samples between those that are looked at for another pass, and those behind the AV that are always kept.
+const COARSE: usize = 10;
+const KEPT_BEHIND: usize = 50;
+
 /// Whose rules make a problem of what is seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rules {
@@ -106,7 +114,11 @@ impl Situation {
         for column in [&mut self.line_x, &mut self.line_y, &mut self.line_heading] {
             column.clear();
         }
-        for k in samples(&observation.window) {
+        let samples = match rules {
+            Rules::Paper => samples(&observation.window),
+            Rules::Strict => single_pass(observation),
+        };
+        for k in samples {
             let pose = observation.window.line.pose(k);
             let pose = Pose::new(rules.stored(pose.x), rules.stored(pose.y), rules.stored(pose.heading));
             let own = frame.pose_to_body(pose);
@@ -130,7 +142,7 @@ impl Situation {
     fn fill_road(&mut self, observation: &Observation) -> Result<(), String> {
         let corridor =
             Corridor::new(&observation.window).ok_or("the window of the reference line has less than two samples")?;
-        let own = corridor.nearest(observation.av.position());
+        let own = corridor.own(observation.av.position());
         self.speed_target = DesiredSpeed::new(&corridor).at(own).speed;
         let front = corridor.station(own) + observation.av.length / 2.0;
         let ahead = observation.window.red_stops.iter().map(|red| corridor.station(*red as usize));
@@ -217,4 +229,22 @@ impl Situation {
 /// The window's samples in its line.
 fn samples(window: &ReferenceWindow) -> std::ops::Range<usize> {
     window.start..(window.start + window.samples).min(window.line.len())
+}
+
+/// The window's samples in its line that do not pass by the same place again: the search goes by the nearest sample, and must not
+/// take the next round for this one.
+fn single_pass(observation: &Observation) -> std::ops::Range<usize> {
+    let window = &observation.window;
+    let all = samples(window);
+    let Some(corridor) = Corridor::new(window) else { return all };
+    let own = window.start + corridor.own(observation.av.position());
+    let meets =
+        |a: usize, b: usize| window.line.point(a).distance_squared(window.line.point(b)) < SAME_PLACE * SAME_PLACE;
+    let coarse = |range: std::ops::Range<usize>| range.step_by(COARSE);
+    // What lies ahead comes first: of two passes the one behind goes, then the second one ahead.
+    let behind = own.saturating_sub(KEPT_BEHIND).max(all.start);
+    let comes_by = |a: usize| coarse(own..all.end).any(|b| b - a > PASS && meets(a, b));
+    let start = if coarse(all.start..behind).any(comes_by) { behind } else { all.start };
+    let again = |b: &usize| coarse(behind..b.saturating_sub(PASS)).any(|a| meets(a, *b));
+    start..coarse(own..all.end).find(again).unwrap_or(all.end)
 }

@@ -1,13 +1,22 @@
 //! The reference line ahead as stations, and where things lie beside it.
 
 use world::geometry::{OrientedBox, Point, angle_difference};
-use world::reference_line::{ReferenceLine, ReferenceWindow};
+use world::reference_line::{ReferenceLine, ReferenceWindow, SAMPLES_BEHIND};
 
 /// Curvature is averaged over so many metres to either side: the line's own has kinks.
 const CURVATURE_WINDOW: f64 = 1.5;
 
 /// Samples between those that a search looks at first (about 1 m).
 const COARSE: usize = 10;
+
+/// Samples farther apart than these (20 m) may be of different passes of one place.
+const PASS: usize = 200;
+
+/// Where the line passes a place more than once, a pass may be this much farther away (m) than the nearest.
+const OTHER_PASS: f64 = 2.0;
+
+/// Farther from where its window says that the AV is (m) it is looked for in all of it.
+const ASTRAY: f64 = 5.0;
 
 /// The window of the reference line, with the distance along it.
 pub struct Corridor<'a> {
@@ -135,8 +144,43 @@ impl<'a> Corridor<'a> {
         point(self.line, self.window.start + sample)
     }
 
-    /// The sample nearest to `place`.
-    pub fn nearest(&self, place: Point) -> usize {
+    /// The sample nearest to the AV. A window begins [`SAMPLES_BEHIND`] before the AV or where the line does: so it is known of
+    /// which pass the AV is, where the line passes a place more than once.
+    pub fn own(&self, av: Point) -> usize {
+        let first = if self.first_sample > 0 { SAMPLES_BEHIND - 2 * COARSE } else { 0 };
+        let own = self.nearest_in(first.min(self.len() - 1), SAMPLES_BEHIND + 2 * COARSE, av);
+        let nearest = self.nearest(av);
+        let distance = |sample: usize| self.distance(sample, av).sqrt();
+        if distance(own) > distance(nearest) + ASTRAY { nearest } else { own }
+    }
+
+    /// The sample nearest to `place`; where the line passes it more than once, of the pass that is nearest along the line to
+    /// sample `own`.
+    pub fn nearest_pass(&self, place: Point, own: usize) -> usize {
+        let best = self.nearest(place);
+        let reach = self.distance(best, place).sqrt() + OTHER_PASS;
+        let along = |sample: usize| sample.abs_diff(own);
+        let other = (0..self.len()).step_by(COARSE).filter(|sample| {
+            sample.abs_diff(best) > PASS
+                && along(*sample) < along(best)
+                && self.distance(*sample, place) <= reach * reach
+        });
+        other.min_by_key(|sample| along(*sample)).map_or(best, |sample| self.downhill(sample, place))
+    }
+
+    fn downhill(&self, from: usize, place: Point) -> usize {
+        let mut sample = from;
+        loop {
+            let next = self.nearest_in(sample.saturating_sub(COARSE), sample + COARSE, place);
+            if self.distance(next, place) >= self.distance(sample, place) {
+                return sample;
+            }
+            sample = next;
+        }
+    }
+
+    /// The sample of the whole window nearest to `place`.
+    fn nearest(&self, place: Point) -> usize {
         let coarse = (0..self.len()).step_by(COARSE);
         let near = coarse.min_by(|a, b| self.distance(*a, place).total_cmp(&self.distance(*b, place))).unwrap_or(0);
         self.nearest_in(near.saturating_sub(COARSE), near + COARSE, place)
@@ -159,9 +203,9 @@ impl<'a> Corridor<'a> {
         Place { sample, station: self.station(sample) + forward.dot(offset), lateral: forward.cross(offset) }
     }
 
-    /// The stretch that `body` takes, its centre's nearest sample given or searched for.
-    pub fn footprint(&self, body: &OrientedBox) -> Footprint {
-        let sample = self.nearest(body.center);
+    /// The stretch that `body` takes, of the pass nearest along the line to the AV's sample `own`.
+    pub fn footprint(&self, body: &OrientedBox, own: usize) -> Footprint {
+        let sample = self.nearest_pass(body.center, own);
         let mut stations = (f64::INFINITY, f64::NEG_INFINITY);
         let mut laterals = stations;
         for corner in body.corners() {

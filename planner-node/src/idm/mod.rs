@@ -58,7 +58,7 @@ impl Planner for Idm {
         let mut state = VehicleState { x: av.x, y: av.y, heading: av.heading, speed: av.speed() };
         let mut rollout = model.roll_out(state);
         let mut driven = observation.control;
-        let mut hint = corridor.nearest(av.position());
+        let mut hint = corridor.own(av.position());
         let mut plan = UncheckedPlan { step: observation.step, ..Default::default() };
         for k in 0..PLAN_STEPS {
             let place = corridor.project(state.pose().position(), hint);
@@ -82,7 +82,7 @@ impl Planner for Idm {
 
 /// What holds the AV back most, for whoever watches.
 fn status(corridor: &Corridor<'_>, av: &AgentState, obstacles: &[Obstacle]) -> String {
-    let front = corridor.project(av.position(), corridor.nearest(av.position())).station + 0.5 * av.length;
+    let front = corridor.project(av.position(), corridor.own(av.position())).station + 0.5 * av.length;
     let hold = |o: &Obstacle| speed::interaction(av.speed(), o.station - front, o.speed);
     let most = obstacles.iter().max_by(|a, b| hold(a).total_cmp(&hold(b)));
     most.filter(|o| hold(o) > NOTICEABLE).map_or_else(|| "free".to_owned(), |o| o.what.to_string())

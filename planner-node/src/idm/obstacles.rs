@@ -92,7 +92,7 @@ impl Av {
 /// All that is in the way, in no order.
 pub fn in_the_way(corridor: &Corridor<'_>, briefing: &Briefing, observation: &Observation) -> Vec<Obstacle> {
     let state = &observation.av;
-    let place = corridor.project(state.position(), corridor.nearest(state.position()));
+    let place = corridor.project(state.position(), corridor.own(state.position()));
     let av = Av {
         place,
         front: place.station + 0.5 * state.length,
@@ -116,7 +116,7 @@ fn of_agent(corridor: &Corridor<'_>, av: &Av, agent: &ObservedAgent) -> Option<O
     };
     // Out of reach within the projection, whatever it does.
     let last = corridor.station(corridor.len() - 1);
-    let nearest = corridor.footprint(&state.oriented_box());
+    let nearest = corridor.footprint(&state.oriented_box(), av.place.sample);
     let above = state.z - corridor.height(nearest.sample);
     let reach = 2.0 * av.half_width + PROJECTION * if standing { 0.0 } else { state.speed() };
     if nearest.laterals.0 > reach
@@ -186,7 +186,7 @@ fn crossing(
         let then = if motion.follows {
             now.moved(motion.along * seconds, motion.across * seconds)
         } else {
-            corridor.footprint(&later(&agent.state, seconds))
+            corridor.footprint(&later(&agent.state, seconds), now.sample)
         };
         if !overlaps(av, &then, margin) || then.stations.1 < av.front {
             return None;

@@ -1,8 +1,9 @@
 //! Where signals stop the route: for every stop point of the log the rows of the line that it rules, found beforehand.
 
 use super::RouteStyle;
-use crate::geometry::{Point, PointGrid};
-use crate::map::MapId;
+use crate::geometry::{Point, PointGrid, Segment};
+use crate::map::{Lane, MapId};
+use crate::reference_line::ReferenceLine;
 use crate::scene::Scene;
 use crate::signal::{Signal, SignalState};
 
@@ -11,6 +12,12 @@ const REACH: f64 = 0.2;
 
 /// How far beside the line the stop point of a lane of the route may lie (m): lines do not keep to the middle.
 const BESIDE: f64 = 1.5;
+
+/// Samples nearer to each other than these (5 m) are of one pass.
+const SAME_PASS: u32 = 50;
+
+/// Where the route passes a stop point more than once, those passes are stopped that go the lane's way, within 60 degrees.
+const LANES_WAY: f64 = 0.5;
 
 /// A stop point that rules the route.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,7 +45,13 @@ fn key(lane: MapId, point: Point) -> Key {
 
 impl RouteStops {
     /// Those of the stop points that any step of `scene` reports which rule the line.
-    pub(super) fn new(scene: &Scene, style: RouteStyle, lanes: &[MapId], samples: &PointGrid) -> Self {
+    pub(super) fn new(
+        scene: &Scene,
+        style: RouteStyle,
+        lanes: &[MapId],
+        line: &ReferenceLine,
+        samples: &PointGrid,
+    ) -> Self {
         let reported = (0..scene.steps()).flat_map(|step| scene.signals(step));
         let mut places: Vec<(MapId, Point)> = reported.map(|signal| (signal.lane, signal.stop_point.xy())).collect();
         places.sort_unstable_by_key(|(lane, point)| key(*lane, *point));
@@ -47,7 +60,10 @@ impl RouteStops {
         let stop = |(lane, point): (MapId, Point)| {
             let samples = match style {
                 RouteStyle::Paper => rows_within(samples, point),
-                RouteStyle::Strict if lanes.contains(&lane) => row_beside(samples, point, BESIDE),
+                RouteStyle::Strict if lanes.contains(&lane) => {
+                    let way = on_map.get(&lane).and_then(|lane| way_at(&scene.map().lanes[*lane], point));
+                    rows_of_passes(samples, line, point, way)
+                }
                 // Of a lane that the map does not hold nothing is known but the place.
                 RouteStyle::Strict if !on_map.contains_key(&lane) => row_beside(samples, point, REACH),
                 // The turn-off's light often shares its stop point with the lane straight on.
@@ -92,6 +108,28 @@ fn rows_within(samples: &PointGrid, point: Point) -> Vec<u32> {
     });
     rows.sort_unstable();
     rows
+}
+
+/// The nearest row of each pass that goes the lane's way, if it lies [`BESIDE`] the stop point; the nearest of all if none does.
+fn rows_of_passes(samples: &PointGrid, line: &ReferenceLine, point: Point, way: Option<Point>) -> Vec<u32> {
+    let mut near: Vec<u32> = Vec::new();
+    samples.for_each_near(point, BESIDE, |row| near.push(row as u32));
+    near.sort_unstable();
+    let distance = |row: &u32| point.distance(samples.points()[*row as usize]);
+    let passes = near.chunk_by(|a, b| b - a < SAME_PASS);
+    let nearest = passes.filter_map(|pass| pass.iter().copied().min_by(|a, b| distance(a).total_cmp(&distance(b))));
+    let rows: Vec<u32> = nearest.collect();
+    let goes = |row: &u32| way.is_none_or(|way| Point::unit(line.heading[*row as usize]).dot(way) > LANES_WAY);
+    let stopped: Vec<u32> = rows.into_iter().filter(goes).collect();
+    if stopped.is_empty() { row_beside(samples, point, BESIDE) } else { stopped }
+}
+
+/// The lane's direction where it is nearest to `point`.
+fn way_at(lane: &Lane, point: Point) -> Option<Point> {
+    let segments = lane.centerline.windows(2).map(|pair| Segment { start: pair[0].xy(), end: pair[1].xy() });
+    let apart = |segment: &Segment| segment.nearest_to(point).distance_squared;
+    let nearest = segments.filter(|segment| segment.length() > 0.0).min_by(|a, b| apart(a).total_cmp(&apart(b)))?;
+    Some(nearest.vector() * (1.0 / nearest.length()))
 }
 
 /// The nearest row, if it lies within `reach` metres.
