@@ -17,6 +17,7 @@ use episode::strict::traffic::Traffic;
 use world::geometry::Point;
 use world::plan::Plan;
 use world::scene::Scene;
+use world::scene::bridged::Bridged;
 
 #[path = "../tests/straight_road/mod.rs"]
 mod straight_road;
@@ -86,7 +87,7 @@ fn step(criterion: &mut Criterion) {
     group.bench_function("observe", |bencher| {
         bencher.iter(|| (0..steps).for_each(|_| drop(black_box(episode.observe()))));
     });
-    let traffic = Traffic::of(&scene);
+    let traffic = Traffic::of(&Bridged::of(&scene));
     group.bench_function("floor_one_pass_over_the_agents", |bencher| {
         let nowhere = Point::new(1e9, 0.0);
         bencher.iter(|| {

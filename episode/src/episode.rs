@@ -8,6 +8,7 @@ use world::observation::{Briefing, HistoryStep, Observation, ObservedAgent};
 use world::plan::{Control, Plan, STEP_SECONDS};
 use world::reference_line::ReferenceWindow;
 use world::route::{Route, RouteError};
+use world::scene::bridged::Bridged;
 use world::scene::{AgentState, Scene};
 use world::signal::Signal;
 use world::vehicle::WHEELBASE;
@@ -33,6 +34,8 @@ pub struct Outcome {
 #[derive(Clone, Debug)]
 pub struct Episode {
     scene: Arc<Scene>,
+    /// The scene with its gaps filled in; under `paper` it is taken as it lies.
+    bridged: Option<Arc<Bridged>>,
     protocol: Protocol,
     /// Log index of step 0.
     start: u32,
@@ -125,10 +128,18 @@ impl Episode {
         if end < start + 2 {
             return Err(Undrivable::TooShort { steps: scene.steps(), needed: start + 1 });
         }
-        let state = scene.av().states[start].ok_or(Undrivable::AvMissing { start })?;
-        let rules = match protocol {
-            Protocol::Strict(settings) => Rules::Strict(Box::new(Strict::new(&scene, settings.clone(), state, end)?)),
-            Protocol::Paper => Rules::Paper(Box::new(Paper::new(&scene, state)?)),
+        let missing = Undrivable::AvMissing { start };
+        let (rules, bridged) = match protocol {
+            Protocol::Strict(settings) => {
+                let bridged = Arc::new(Bridged::of(&scene));
+                let state = bridged.observed(scene.av_index(), start).filter(|seen| seen.unseen == 0).ok_or(missing)?;
+                let strict = Strict::new(&bridged, settings.clone(), state.state, end)?;
+                (Rules::Strict(Box::new(strict)), Some(bridged))
+            }
+            Protocol::Paper => {
+                let state = scene.av().states[start].ok_or(missing)?;
+                (Rules::Paper(Box::new(Paper::new(&scene, state)?)), None)
+            }
         };
         let horizon = (end - 1 - start) as u32;
         Ok(Self {
@@ -143,6 +154,7 @@ impl Episode {
             horizon,
             rules,
             scene,
+            bridged,
         })
     }
 
@@ -152,8 +164,11 @@ impl Episode {
 
     fn agents_at(&self, log_index: usize) -> Vec<ObservedAgent> {
         let others = self.scene.tracks().iter().enumerate().filter(|(index, _)| *index != self.scene.av_index());
-        let seen = others.filter_map(|(_, track)| {
-            let state = track.states[log_index]?;
+        let seen = others.filter_map(|(index, track)| {
+            let state = match &self.bridged {
+                Some(bridged) => bridged.observed(index, log_index)?.state,
+                None => track.states[log_index]?,
+            };
             Some(ObservedAgent { track: track.id, kind: track.kind, state })
         });
         seen.collect()
@@ -172,7 +187,7 @@ impl Episode {
             start: self.start,
             horizon: self.horizon,
             wheelbase: self.rules.wheelbase(),
-            map: Arc::clone(self.scene.map()),
+            map: Arc::clone(self.bridged.as_ref().map_or(&self.scene, |bridged| bridged.judged()).map()),
             route: self.rules.route().lanes.clone(),
             reference_line: Arc::clone(&self.rules.route().line),
             history: history.collect(),
@@ -183,15 +198,18 @@ impl Episode {
     #[must_use]
     pub fn observe(&self) -> Observation {
         let log_index = self.log_index();
-        let signals = self.scene.signals(log_index);
+        let signals: Vec<Signal> = match &self.bridged {
+            Some(bridged) => bridged.observed_signals(log_index).iter().map(|seen| seen.signal).collect(),
+            None => self.scene.signals(log_index).to_vec(),
+        };
         Observation {
             step: self.step,
             log_index: log_index as u32,
             av: *self.rules.av(),
             control: self.rules.control(),
             agents: self.agents_at(log_index),
-            signals: signals.to_vec(),
-            window: self.rules.window(signals),
+            window: self.rules.window(&signals),
+            signals,
         }
     }
 

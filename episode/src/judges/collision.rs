@@ -102,6 +102,7 @@ mod tests {
             z: 0.0,
             velocity: state.velocity(),
             speed,
+            sudden: false,
         }
     }
 

@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use world::geometry::{Point, Segment};
 use world::map::MapId;
-use world::scene::Scene;
+use world::scene::bridged::Bridged;
+use world::signal::Signal;
 
 /// A crossing further to the side than this (m) is of another lane.
 const HALF_WIDTH: f64 = 2.5;
@@ -12,11 +13,16 @@ const HALF_WIDTH: f64 = 2.5;
 /// Stop points nearer to each other than this (m) are one.
 const SAME_PLACE: f64 = 0.5;
 
+/// Steps in which a driver reacts to a signal that appears: a second.
+const REACTION: u32 = 10;
+
 /// A stop point that shows red.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RedStop {
     /// The lane that it rules.
     pub lane: MapId,
+    /// Whether a driver has known for a second what it shows.
+    pub known: bool,
     point: Point,
     direction: Point,
 }
@@ -47,18 +53,23 @@ pub struct RedStops {
 impl RedStops {
     /// Those of the lanes in `route`.
     #[must_use]
-    pub fn of(scene: &Scene, route: &[MapId]) -> Self {
+    pub fn of(bridged: &Bridged, route: &[MapId]) -> Self {
+        let scene = bridged.judged();
         let on_route: BTreeSet<MapId> = route.iter().copied().collect();
         let lanes = scene.map().lane_indices();
-        let stop = |signal: &world::signal::Signal| {
+        let stop = |signal: &Signal, step: usize| {
             let lane = &scene.map().lanes[*lanes.get(&signal.lane)?];
             let point = signal.stop_point.xy();
             let direction = direction_at(lane.centerline.iter().map(|point| point.xy()), point)?;
-            Some(RedStop { lane: signal.lane, point, direction })
+            // Before the log began nobody knows.
+            let known =
+                bridged.signal_known_for(signal.lane, step).is_some_and(|steps| steps >= REACTION.min(step as u32 + 1));
+            Some(RedStop { lane: signal.lane, known, point, direction })
         };
         let steps = (0..scene.steps()).map(|step| {
             let signals = scene.signals(step).iter();
-            signals.filter(|signal| signal.state.is_red() && on_route.contains(&signal.lane)).filter_map(stop).collect()
+            let red = signals.filter(|signal| signal.state.is_red() && on_route.contains(&signal.lane));
+            red.filter_map(|signal| stop(signal, step)).collect()
         });
         Self { steps: steps.collect() }
     }
@@ -89,7 +100,8 @@ fn direction_at(line: impl Iterator<Item = Point>, point: Point) -> Option<Point
 mod tests {
     use super::*;
 
-    const STOP: RedStop = RedStop { lane: MapId(1), point: Point::new(10.0, 0.0), direction: Point::new(1.0, 0.0) };
+    const STOP: RedStop =
+        RedStop { lane: MapId(1), known: true, point: Point::new(10.0, 0.0), direction: Point::new(1.0, 0.0) };
 
     #[test]
     fn the_bumper_must_cross_the_stop_point_in_the_lane_and_in_its_direction() {

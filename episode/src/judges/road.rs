@@ -1,10 +1,10 @@
 //! Whether the AV leaves the road: the signed distance of each of its box's corners to the nearest road edge.
 //!
 //! WOMD has no drivable polygons. What stands for them is the left side of its road edges: that is how the data set draws
-//! them. Edges on another level than the route are left out.
+//! them. Edges on another level than the route are left out. Driveways are road, though they lie beyond an edge.
 
 use world::geometry::{Point, SegmentGrid};
-use world::map::Map;
+use world::map::{Area, Map};
 
 use super::Body;
 use super::level::Level;
@@ -22,6 +22,7 @@ const CELL: f64 = 4.0;
 #[derive(Clone, Debug)]
 pub struct RoadEdges {
     grid: SegmentGrid,
+    driveways: Vec<Area>,
 }
 
 impl RoadEdges {
@@ -29,7 +30,11 @@ impl RoadEdges {
     #[must_use]
     pub fn of(map: &Map, level: &Level) -> Self {
         let chains = chains(map, level).into_iter().enumerate();
-        Self { grid: SegmentGrid::new(chains.map(|(index, chain)| (index as u32, chain)), CELL) }
+        let on_level = |area: &&Area| area.polygon.iter().any(|corner| level.holds(*corner));
+        Self {
+            grid: SegmentGrid::new(chains.map(|(index, chain)| (index as u32, chain)), CELL),
+            driveways: map.driveways.iter().filter(on_level).cloned().collect(),
+        }
     }
 
     /// How far each of the box's corners, in their order, is beyond the road's edge (m): negative on the road, `None` where no edge is
@@ -39,8 +44,13 @@ impl RoadEdges {
         av.outline.corners().map(|corner| {
             let nearest = self.grid.nearest(corner, SEARCH_RADIUS)?;
             // Past the free end of an edge there is no side to be on.
-            Some(if nearest.beyond_end { -nearest.distance() } else { -nearest.signed_distance })
+            let is_road = nearest.beyond_end || nearest.signed_distance > 0.0 || self.is_driveway(corner);
+            Some(if is_road { -nearest.distance() } else { nearest.distance() })
         })
+    }
+
+    fn is_driveway(&self, point: Point) -> bool {
+        self.driveways.iter().any(|driveway| driveway.contains(point))
     }
 }
 
@@ -88,6 +98,24 @@ mod tests {
         assert_eq!(road.beyond(&av(0.5)), [-2.5, -2.5, -3.5, -3.5].map(Some));
         let outermost = |y: f64| outermost(road.beyond(&av(y)));
         assert_eq!([0.0, 2.5, -3.25].map(outermost), [-3.0, -0.5, 0.25].map(Some));
+    }
+
+    #[test]
+    fn a_driveway_beyond_the_edge_is_road() {
+        let mut map = Map::default();
+        map.road_edges = vec![RoadEdge {
+            id: MapId(1),
+            kind: RoadEdgeKind::Boundary,
+            polyline: vec![Point3::new(-50.0, -4.0, 0.0), Point3::new(50.0, -4.0, 0.0)],
+        }];
+        let corner = |x: f64, y: f64| Point3::new(x, y, 0.0);
+        let polygon = vec![corner(-4.0, -3.0), corner(4.0, -3.0), corner(4.0, -9.0), corner(-4.0, -9.0)];
+        map.driveways = vec![Area { id: MapId(2), polygon }];
+        let route = [Point3::new(-50.0, 0.0, 0.0), Point3::new(50.0, 0.0, 0.0)];
+        let road = RoadEdges::of(&map, &Level::along(&route, 5.0));
+        assert_eq!(outermost(road.beyond(&av(-6.0))), Some(-1.0));
+        let aside = Body::of(AgentState { x: 3.0, y: -6.0, length: 5.0, width: 2.0, ..AgentState::default() });
+        assert_eq!(outermost(road.beyond(&aside)), Some(3.0), "past its side the lawn begins");
     }
 
     #[test]

@@ -34,6 +34,8 @@ pub struct TrafficAgent {
     pub velocity: Point,
     /// Speed (m/s).
     pub speed: f64,
+    /// It appeared less than a second ago, or was supposed elsewhere: nobody could have reacted to it.
+    pub sudden: bool,
 }
 
 /// The time (s) to the first overlap of the AV with `agent`, a multiple of 0.1 s from 0.1 to 2.9, if there is one.
@@ -93,7 +95,15 @@ mod tests {
 
     fn agent(pose: Pose, speed: f64) -> TrafficAgent {
         let Body { state, outline, .. } = body(pose, speed);
-        TrafficAgent { track: 0, kind: AgentKind::Vehicle, outline, z: 0.0, velocity: state.velocity(), speed }
+        TrafficAgent {
+            track: 0,
+            kind: AgentKind::Vehicle,
+            outline,
+            z: 0.0,
+            velocity: state.velocity(),
+            speed,
+            sudden: false,
+        }
     }
 
     #[test]

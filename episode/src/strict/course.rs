@@ -1,9 +1,10 @@
 //! What stays the same over an episode, laid out for its steps; and the reading of the AV against it, step by step.
 
-use world::geometry::{Point, Point3, Segment};
+use world::geometry::{Point, Point3, Pose, Segment};
 use world::reference_line::SAMPLE_SPACING;
 use world::route::Route;
-use world::scene::Scene;
+use world::route::follow::{Followed, Follower};
+use world::scene::bridged::Bridged;
 
 use super::traffic::Traffic;
 use crate::judges::Body;
@@ -33,20 +34,31 @@ pub struct Course {
 pub struct Reading {
     /// Nearest sample of the reference line.
     pub sample: usize,
-    /// Arc length along the reference line (m).
+    /// Arc length along the reference line (m), less what of it was passed over while the AV was off it.
     pub station: f64,
     /// Offset from the line, positive to the left (m).
     pub lateral_offset: f64,
-    /// Distance of the AV's centre to the line (m).
+    /// Distance of the AV's centre to the stretch of the line on which it came (m).
     pub route_distance: f64,
     /// What the lanes say.
     pub lane: LaneReading,
     /// How far the outermost corner is beyond the road's edge (m).
     pub road_edge_distance: Option<f64>,
+    /// Which corners are off the road, and which are outside of the drivable area.
+    pub corners: Corners,
     /// The way of the front bumper in this step; none where it was not seen a step before.
     pub front_way: Option<Segment>,
     /// Which rules are broken.
     pub faults: Faults,
+}
+
+/// What the corners of the box break, in their order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Corners {
+    /// Beyond the road's edge.
+    pub off_road: [bool; 4],
+    /// Beyond it by nuPlan's tolerance, and outside of the AV's lanes.
+    pub outside: [bool; 4],
 }
 
 /// Which of the rules without a memory of their own are broken.
@@ -61,18 +73,19 @@ pub struct Faults {
 }
 
 impl Course {
-    /// The course of `scene` along `route`, for an AV whose axles are `wheelbase` (m) apart.
+    /// The course of a scene along `route`, for an AV whose axles are `wheelbase` (m) apart.
     #[must_use]
-    pub fn of(scene: &Scene, route: Route, settings: &StrictSettings, wheelbase: f64) -> Self {
+    pub fn of(bridged: &Bridged, route: Route, settings: &StrictSettings, wheelbase: f64) -> Self {
+        let scene = bridged.judged();
         let line = &route.line;
         let every_metre = (0..line.len()).step_by(10);
         let points: Vec<Point3> = every_metre.map(|at| Point3::new(line.x[at], line.y[at], line.z[at])).collect();
         let level = Level::along(&points, settings.off_route_distance);
         Self {
-            traffic: Traffic::of(scene),
+            traffic: Traffic::of(bridged),
             lanes: Lanes::of(scene.map(), &level),
             edges: RoadEdges::of(scene.map(), &level),
-            red_stops: RedStops::of(scene, &route.lanes),
+            red_stops: RedStops::of(bridged, &route.lanes),
             off_route_distance: settings.off_route_distance,
             wheelbase,
             level,
@@ -102,40 +115,61 @@ impl Course {
 #[derive(Clone, Debug, Default)]
 pub struct Reader {
     lanes: LaneTracker,
-    sample: Option<usize>,
+    follower: Follower,
     front: Option<Point>,
 }
 
 impl Reader {
-    /// The reading of the AV a step after the last one.
-    pub fn read(&mut self, course: &Course, av: &Body) -> Reading {
+    /// A reader of an AV that was followed along the line so far.
+    #[must_use]
+    pub fn following(follower: Follower) -> Self {
+        Self { follower, ..Self::default() }
+    }
+
+    /// How the AV was followed along the line so far.
+    #[must_use]
+    pub fn follower(&self) -> Follower {
+        self.follower
+    }
+
+    /// The bumper was not seen at this step.
+    pub fn miss(&mut self) {
+        self.front = None;
+    }
+
+    /// Where on the line the AV is a step after the last one; `ground` is the height (m) below it.
+    pub fn follow(&mut self, course: &Course, pose: Pose, ground: f64) -> Followed {
+        self.follower.follow(&course.route, pose, ground, course.off_route_distance)
+    }
+
+    /// The reading of the AV, which was followed to `at`.
+    pub fn read(&mut self, course: &Course, av: &Body, at: Followed) -> Reading {
         let center = av.outline.center;
         let line = &course.route.line;
-        let (sample, route_distance) = match self.sample {
-            Some(before) => course.route.nearest_sample_from(center, before),
-            None => course.route.nearest_sample(center),
-        };
-        self.sample = Some(sample);
+        let Followed { sample, distance: route_distance, skipped } = at;
         let offset = center - line.point(sample);
         let forward = Point::unit(line.heading[sample]);
         let lane = self.lanes.read(&course.lanes, av, course.wheelbase);
         let beyond = course.edges.beyond(av);
         let front = av.outline.front();
         let front_way = self.front.replace(front).map(|start| Segment { start, end: front });
-        let outside = |(edge, lanes): (Option<f64>, f64)| edge.is_some_and(|edge| edge.min(lanes) >= TOLERANCE);
-        let road_edge_distance = outermost(beyond);
+        let outside =
+            |corner: usize| beyond[corner].is_some_and(|edge| edge.min(lane.corners_outside[corner]) >= TOLERANCE);
+        let off_road = |corner: usize| beyond[corner].is_some_and(|edge| edge > 0.0);
+        let corners = Corners { off_road: std::array::from_fn(off_road), outside: std::array::from_fn(outside) };
         Reading {
             sample,
-            station: sample as f64 * SAMPLE_SPACING + forward.dot(offset),
+            station: sample as f64 * SAMPLE_SPACING + forward.dot(offset) - skipped,
             lateral_offset: forward.cross(offset),
             route_distance,
             lane,
-            road_edge_distance,
+            road_edge_distance: outermost(beyond),
+            corners,
             front_way,
             faults: Faults {
                 off_route: route_distance > course.off_route_distance,
-                off_road: road_edge_distance.is_some_and(|distance| distance > 0.0),
-                outside_drivable_area: beyond.into_iter().zip(lane.corners_outside).any(outside),
+                off_road: corners.off_road.contains(&true),
+                outside_drivable_area: corners.outside.contains(&true),
                 wrong_way: lane.backward_travel >= WRONG_WAY,
                 speeding: lane.speed_limit > 0.0 && av.speed - lane.speed_limit > OVERSPEED,
             },
@@ -148,66 +182,5 @@ impl Reader {
     #[must_use]
     pub fn settle(&self, course: &Course) -> Vec<Driven> {
         self.lanes.settle(&course.lanes)
-    }
-}
-
-/// The logged AV, judged by the same rules.
-#[derive(Clone, Debug)]
-pub struct Human {
-    /// Log index of the first entry.
-    start: usize,
-    steps: Vec<Option<(Body, Reading)>>,
-    red_stops_crossed: Vec<RedStop>,
-}
-
-impl Human {
-    /// The logged AV of `scene` from `start` to before `end`.
-    #[must_use]
-    pub fn of(scene: &Scene, course: &Course, start: usize, end: usize) -> Self {
-        let mut reader = Reader::default();
-        let mut red_stops_crossed = Vec::new();
-        let steps = (start..end).map(|log_index| {
-            let Some(state) = scene.av().states[log_index] else {
-                reader.front = None;
-                return None;
-            };
-            let body = Body::of(state);
-            let reading = reader.read(course, &body);
-            red_stops_crossed.extend(course.red_stops_crossed(log_index, &reading).copied());
-            Some((body, reading))
-        });
-        Self { start, steps: steps.collect(), red_stops_crossed }
-    }
-
-    fn at(&self, log_index: usize) -> Option<&(Body, Reading)> {
-        self.steps.get(log_index.checked_sub(self.start)?)?.as_ref()
-    }
-
-    /// Its body at `log_index`, if it is there.
-    #[must_use]
-    pub fn body(&self, log_index: usize) -> Option<&Body> {
-        self.at(log_index).map(|(body, _)| body)
-    }
-
-    /// The rules that it breaks at `log_index`.
-    #[must_use]
-    pub fn faults(&self, log_index: usize) -> Faults {
-        self.at(log_index).map(|(_, reading)| reading.faults).unwrap_or_default()
-    }
-
-    /// Whether it crosses that stop point at red, at any step. A planner crosses it at another step than the human, for the
-    /// same reason: turning right at red, or a signal that was read wrong.
-    #[must_use]
-    pub fn crosses_red(&self, stop: &RedStop) -> bool {
-        self.red_stops_crossed.iter().any(|own| own.is_same_place(stop))
-    }
-
-    /// Its progress along the reference line from the start to the last step at which it is there (m), and that log index.
-    #[must_use]
-    pub fn route_progress(&self) -> Option<(f64, usize)> {
-        let mut present = self.steps.iter().enumerate().filter_map(|(step, at)| Some((step, at.as_ref()?.1.station)));
-        let first = present.next()?;
-        let last = present.next_back().unwrap_or(first);
-        Some((last.1 - first.1, self.start + last.0))
     }
 }

@@ -3,11 +3,13 @@
 //!
 //! | module | what |
 //! | --- | --- |
-//! | [`course`] | what stays the same over an episode; the reading of the AV against it; the human's own reading |
+//! | [`course`] | what stays the same over an episode; the reading of the AV against it |
+//! | [`human`] | the logged AV's own reading, and what is netted because of it |
 //! | [`traffic`] | the other road users, step by step |
 //! | `referee` | readings become a step's record and events |
 
 pub mod course;
+pub mod human;
 mod referee;
 pub mod traffic;
 
@@ -15,12 +17,15 @@ use wire::proto::{self, EndReason};
 use world::geometry::{Point, Pose, angle_difference};
 use world::plan::{Control, Plan, STEP_SECONDS};
 use world::reference_line::ReferenceWindow;
+use world::route::follow::Followed;
 use world::route::{Route, RouteStyle};
+use world::scene::bridged::Bridged;
 use world::scene::{AgentState, Scene};
 use world::signal::Signal;
 use world::vehicle::{BicycleModel, Limits, VehicleState};
 
-use self::course::{Course, Human, Reader};
+use self::course::{Course, Reader};
+use self::human::Human;
 use self::referee::{Moment, Referee};
 use crate::advance::{Advance, Undrivable, control_between, steering_of};
 use crate::judges::Body;
@@ -42,28 +47,30 @@ pub(super) struct Strict {
     control: Control,
     /// Height (m) of the AV's centre above the route's ground, as logged at the start.
     height: f64,
-    /// Nearest sample of the reference line.
-    sample: usize,
+    /// Where it is on the reference line.
+    place: Followed,
     begun: Start,
 }
 
 impl Strict {
     /// The AV in `state` at the start of a drive that ends before log index `end`.
     pub(super) fn new(
-        scene: &Scene,
+        bridged: &Bridged,
         settings: StrictSettings,
         state: AgentState,
         end: usize,
     ) -> Result<Self, Undrivable> {
+        let scene: &Scene = bridged.judged();
         let start = settings.start as usize;
         let route = Route::of_log(scene, RouteStyle::Strict)?;
         let vehicle = settings.vehicle(state.length)?;
-        let course = Course::of(scene, route, &settings, vehicle.wheelbase);
-        let human = Human::of(scene, &course, start, end);
+        let course = Course::of(bridged, route, &settings, vehicle.wheelbase);
+        let human = Human::of(bridged, &course, start, end);
         let av = Body { speed: state.velocity().dot(Point::unit(state.heading)).max(0.0), ..Body::of(state) };
-        let mut reader = Reader::default();
-        let reading = reader.read(&course, &av);
-        let height = state.z - course.level.height(state.position()).unwrap_or(state.z);
+        let mut reader = Reader::following(human.at_start());
+        let place = reader.follow(&course, state.pose(), state.z - 0.5 * state.height);
+        let reading = reader.read(&course, &av, place);
+        let height = state.z - course.route.line.z[place.sample];
         let steering = logged_steering(scene, start, &vehicle);
         let begun = Start {
             station: reading.station,
@@ -76,7 +83,7 @@ impl Strict {
             referee: Referee::new(scene, &course.traffic, vehicle.wheelbase),
             limits: settings.limits(),
             begun,
-            sample: reading.sample,
+            place,
             settings,
             vehicle,
             course,
@@ -104,13 +111,12 @@ impl Strict {
     }
 
     pub(super) fn window(&self, signals: &[Signal]) -> ReferenceWindow {
-        self.course.route.window(self.sample, signals)
+        self.course.route.window(self.place.sample, signals)
     }
 
     /// Judges the AV at `log_index`, and says whether that ends the episode.
     pub(super) fn judge(&mut self, log_index: usize, advance: &mut Advance) -> Option<EndReason> {
-        let reading = self.reader.read(&self.course, &self.av);
-        self.sample = reading.sample;
+        let reading = self.reader.read(&self.course, &self.av, self.place);
         let (course, human, av) = (&self.course, &self.human, &self.av);
         let moment = Moment { course, human, log_index, av, reading: &reading };
         self.referee.judge(&moment, advance);
@@ -171,17 +177,17 @@ impl Strict {
                 next
             }
         };
+        let ground = self.av.state.z - self.height;
+        self.place = self.reader.follow(&self.course, next.pose(), ground);
         self.av = self.body_at(&next);
     }
 
     fn body_at(&self, vehicle: &VehicleState) -> Body {
         let forward = Point::unit(vehicle.heading);
-        let place = Point::new(vehicle.x, vehicle.y);
-        let ground = self.course.level.height(place);
         let state = AgentState {
             x: vehicle.x,
             y: vehicle.y,
-            z: ground.map_or(self.av.state.z, |ground| ground + self.height),
+            z: self.course.route.line.z[self.place.sample] + self.height,
             heading: vehicle.heading,
             velocity_x: forward.x * vehicle.speed,
             velocity_y: forward.y * vehicle.speed,

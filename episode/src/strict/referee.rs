@@ -6,7 +6,8 @@ use wire::proto::event::{Contact, Kind};
 use world::plan::STEP_SECONDS;
 use world::scene::{AgentKind, Scene, TrackId};
 
-use super::course::{Course, Human, Reading};
+use super::course::{Course, Faults, Reading};
+use super::human::Human;
 use super::traffic::Traffic;
 use crate::advance::Advance;
 use crate::judges::collision::{classify, is_ahead, is_at_fault, is_behind, overlaps};
@@ -52,8 +53,10 @@ pub struct Referee {
     tracks: Vec<(TrackId, AgentKind)>,
     /// Tracks that were hit: they count once, and are judged no more.
     hit: Vec<bool>,
-    /// Tracks that overlap the AV now as they do the logged AV.
+    /// Tracks whose contact with the AV is netted, and goes on.
     netted: Vec<bool>,
+    /// Steps since the AV last was where the logged AV drives the wrong way.
+    since_wrong_way: u32,
     /// Agents that overlap the AV at this step; kept to spare an allocation.
     overlapping: Vec<TrafficAgent>,
     at_fault: Vec<AgentKind>,
@@ -71,6 +74,7 @@ impl Referee {
             wheelbase,
             hit: vec![false; tracks.len()],
             netted: vec![false; tracks.len()],
+            since_wrong_way: u32::MAX,
             overlapping: Vec::with_capacity(traffic.most_agents()),
             at_fault: Vec::new(),
             off_route: Standing::Kept,
@@ -120,22 +124,25 @@ impl Referee {
             let matters =
                 is_ahead(av, self.wheelbase, center) || (beside_matters && !is_behind(av, self.wheelbase, center));
             if matters && av.speed > STANDING_SPEED {
-                least = time_to_collision(av, agent).into_iter().chain(least).reduce(f64::min);
+                let time = time_to_collision(av, agent).filter(|time| {
+                    *time >= LEAST_TIME_TO_COLLISION || !(agent.sudden || human.nets_time(av, agent, *time))
+                });
+                least = time.into_iter().chain(least).reduce(f64::min);
             }
         });
         for index in 0..self.overlapping.len() {
             let agent = self.overlapping[index];
-            self.judge_contact(human.body(log_index), av, &agent, advance);
+            self.judge_contact(human, av, &agent, advance);
         }
         let record = &mut advance.record;
         record.time_to_collision = if record.at_fault_collision { Some(0.0) } else { least };
     }
 
-    fn judge_contact(&mut self, human: Option<&Body>, av: &Body, agent: &TrafficAgent, advance: &mut Advance) {
+    fn judge_contact(&mut self, human: &Human, av: &Body, agent: &TrafficAgent, advance: &mut Advance) {
         let Advance { record, events, .. } = advance;
         let contact = classify(av, self.wheelbase, agent);
-        let at_fault = is_at_fault(contact, record.in_one_lane);
-        let netted = human.is_some_and(|human| overlaps(human, agent));
+        let at_fault = is_at_fault(contact, record.in_one_lane) && !agent.sudden;
+        let netted = human.nets_contact(av, agent);
         let said = std::mem::replace(&mut self.netted[agent.track], netted);
         if netted && said {
             return;
@@ -150,7 +157,12 @@ impl Referee {
                 self.at_fault.push(kind);
             }
         }
-        let (what, whose) = (describe(contact), if at_fault { "at fault" } else { "not at fault" });
+        let whose = match (at_fault, agent.sudden) {
+            (true, _) => "at fault",
+            (false, true) => "not at fault: it was not to be seen a second ago",
+            (false, false) => "not at fault",
+        };
+        let what = describe(contact);
         events.push(proto::Event {
             text: format!("{what} {kind} {track} at {relative_speed:.1} m/s, {whose}{}", aside(netted)),
             track: Some(track.0),
@@ -165,7 +177,7 @@ impl Referee {
     fn judge_rules(&mut self, moment: &Moment<'_>, advance: &mut Advance) {
         let Moment { course, human, log_index, av, reading } = *moment;
         let Advance { record, events, .. } = advance;
-        let (own, log) = (reading.faults, human.faults(log_index));
+        let (own, log) = (reading.faults, self.netted_faults(human, av, reading));
         let step = record.step;
         let off_route = Standing::of(own.off_route, log.off_route);
         let off_road = Standing::of(own.off_road, log.off_road);
@@ -201,14 +213,28 @@ impl Referee {
             format!("{:.1} s to collision", record.time_to_collision.unwrap_or(0.0))
         });
         for stop in course.red_stops_crossed(log_index, reading) {
-            let now = Standing::of(true, human.crosses_red(stop));
+            let now = Standing::of(true, !stop.known || human.crosses_red(stop));
             record.red_light |= now == Standing::Broken;
+            let unknown = if stop.known { "" } else { ", which was not to be seen a second ago" };
             say(now, &mut Standing::Kept, Kind::RedLight, &|| {
-                format!("crossed the stop point of lane {} at red", stop.lane)
+                format!("crossed the stop point of lane {} at red{unknown}", stop.lane)
             });
         }
     }
 }
+
+impl Referee {
+    /// Which faults the logged AV has at the same place. Metres against a lane are summed over a second: they are netted where they
+    /// were driven, not only where the sum is read.
+    fn netted_faults(&mut self, human: &Human, av: &Body, reading: &Reading) -> Faults {
+        let log = human.nets(av, reading);
+        self.since_wrong_way = if log.wrong_way { 0 } else { self.since_wrong_way.saturating_add(1) };
+        Faults { wrong_way: reading.faults.wrong_way && self.since_wrong_way <= SECOND, ..log }
+    }
+}
+
+/// Steps of the second over which driving against a lane is summed.
+const SECOND: u32 = 10;
 
 fn event(step: u32, kind: Kind) -> proto::Event {
     proto::Event { step, kind: kind.into(), ..proto::Event::default() }

@@ -2,7 +2,7 @@
 
 use world::geometry::Point;
 use world::plan::STEP_SECONDS;
-use world::scene::Scene;
+use world::scene::bridged::Bridged;
 
 use crate::judges::time_to_collision::{HORIZON_STEPS, TrafficAgent};
 
@@ -18,16 +18,26 @@ pub struct Traffic {
     /// what it can travel.
     reach: Vec<f64>,
     agents: Vec<TrafficAgent>,
+    tracks: usize,
 }
 
+/// Who is seen to be elsewhere by more than this (m) is not seen.
+const SEEN_WITHIN: f64 = 1.0;
+
+/// Steps in which a driver reacts to what appears: a second.
+const REACTION: usize = 10;
+
 impl Traffic {
-    /// The traffic of all steps of `scene`.
+    /// The traffic of all steps of a scene.
     #[must_use]
-    pub fn of(scene: &Scene) -> Self {
-        let mut traffic = Self { starts: vec![0], ..Self::default() };
+    pub fn of(bridged: &Bridged) -> Self {
+        let scene = bridged.judged();
+        let mut traffic = Self { starts: vec![0], tracks: scene.tracks().len(), ..Self::default() };
+        let others = || scene.tracks().iter().enumerate().filter(|(track, _)| *track != scene.av_index());
+        let sudden: Vec<Vec<bool>> = (0..scene.tracks().len()).map(|track| sudden(bridged, track)).collect();
         for step in 0..scene.steps() {
-            for (track, logged) in scene.tracks().iter().enumerate() {
-                let Some(state) = logged.states[step].filter(|_| track != scene.av_index()) else { continue };
+            for (track, logged) in others() {
+                let Some(state) = logged.states[step] else { continue };
                 let outline = state.oriented_box();
                 let speed = state.speed();
                 traffic.x.push(state.x);
@@ -40,11 +50,18 @@ impl Traffic {
                     z: state.z,
                     velocity: state.velocity(),
                     speed,
+                    sudden: sudden[track][step],
                 });
             }
             traffic.starts.push(traffic.agents.len());
         }
         traffic
+    }
+
+    /// Number of tracks of the scene, the AV's among them.
+    #[must_use]
+    pub fn tracks(&self) -> usize {
+        self.tracks
     }
 
     /// The largest number of agents at a step.
@@ -64,4 +81,24 @@ impl Traffic {
             }
         }
     }
+}
+
+/// For each step whether nobody could have reacted to a track: within the last second it was not to be seen, or was supposed to be
+/// elsewhere. What is there when the log begins has been there.
+fn sudden(bridged: &Bridged, track: usize) -> Vec<bool> {
+    let states = &bridged.judged().tracks()[track].states;
+    let unseen = |step: usize| match (states[step], bridged.logged().logged(track, step)) {
+        (Some(_), Some(_)) => false,
+        (None, _) => true,
+        (Some(state), None) => bridged
+            .observed(track, step)
+            .is_none_or(|seen| seen.state.position().distance(state.position()) > SEEN_WITHIN),
+    };
+    let mut since = usize::MAX;
+    (0..states.len())
+        .map(|step| {
+            since = if unseen(step) { 0 } else { since.saturating_add(1) };
+            since < REACTION
+        })
+        .collect()
 }

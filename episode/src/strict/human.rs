@@ -1,0 +1,239 @@
+//! The logged AV, judged by the same rules as any other driver, and what others are not charged for because of it.
+//!
+//! Faults are netted **by place**: what the logged AV breaks anywhere in its log is no fault of a driver who breaks it at the same
+//! place, whenever that is. The same place is within a metre of where it was: of its box for corners off the road, of its way for
+//! its lane and its speed, of where it was *beside the same track* for contacts and for what leads to them.
+
+use world::geometry::{OrientedBox, Point, Segment};
+use world::plan::STEP_SECONDS;
+use world::route::follow::Follower;
+use world::scene::bridged::Bridged;
+
+use super::course::{Course, Faults, Reader, Reading};
+use crate::judges::collision::overlaps;
+use crate::judges::red_light::RedStop;
+use crate::judges::time_to_collision::{HORIZON_STEPS, LEAST_TIME_TO_COLLISION, TrafficAgent, time_to_collision};
+use crate::judges::{Body, STOREY};
+use crate::metrics::nuplan::OVERSPEED;
+
+/// Within this distance (m) of where the logged AV was it is the same place.
+pub const SAME_PLACE: f64 = 1.0;
+
+/// Steps of the second over which driving against a lane is summed.
+const SECOND: usize = 10;
+
+/// The logged AV over the whole log.
+#[derive(Clone, Debug)]
+pub struct Human {
+    /// How it was followed along the line up to where the drive starts.
+    at_start: Follower,
+    red_stops_crossed: Vec<RedStop>,
+    /// Where it breaks a rule.
+    places: Vec<Place>,
+    /// Where it meets tracks or nearly does, in ascending order of track.
+    encounters: Vec<Encounter>,
+    /// From the start of the drive to its end.
+    route_progress: Option<(f64, usize)>,
+}
+
+/// The logged AV where it breaks a rule.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    outline: OrientedBox,
+    z: f64,
+    speed: f64,
+    faults: Faults,
+}
+
+/// The logged AV beside a track, from one step to the next, in the track's frame (m, from centre to centre).
+#[derive(Clone, Copy, Debug)]
+struct Encounter {
+    track: usize,
+    way: Segment,
+    /// Their boxes overlap; else they would within less than the least time to collision.
+    contact: bool,
+}
+
+impl Human {
+    /// The logged AV of a scene, for a drive from log index `start` to before `end`.
+    #[must_use]
+    pub fn of(bridged: &Bridged, course: &Course, start: usize, end: usize) -> Self {
+        let mut reader = Reader::default();
+        let mut human = Self {
+            at_start: Follower::default(),
+            red_stops_crossed: Vec::new(),
+            places: Vec::new(),
+            encounters: Vec::new(),
+            route_progress: None,
+        };
+        let mut readings: Vec<Option<(Body, Reading)>> = Vec::new();
+        for (log_index, state) in bridged.judged().av().states.iter().enumerate() {
+            if log_index == start {
+                human.at_start = reader.follower();
+            }
+            let Some(state) = state else {
+                reader.miss();
+                readings.push(None);
+                continue;
+            };
+            let body = Body::of(*state);
+            let at = reader.follow(course, state.pose(), state.z - 0.5 * state.height);
+            let reading = reader.read(course, &body, at);
+            human.red_stops_crossed.extend(course.red_stops_crossed(log_index, &reading).copied());
+            readings.push(Some((body, reading)));
+        }
+        human.places = places(&readings);
+        human.encounters = encounters(course, &readings);
+        human.route_progress = route_progress(&readings, start, end);
+        human
+    }
+
+    /// How it was followed along the line up to where the drive starts.
+    #[must_use]
+    pub fn at_start(&self) -> Follower {
+        self.at_start
+    }
+
+    /// Whether it crosses that stop point at red, at any step: turning right at red, or a signal that was read wrong.
+    #[must_use]
+    pub fn crosses_red(&self, stop: &RedStop) -> bool {
+        self.red_stops_crossed.iter().any(|own| own.is_same_place(stop))
+    }
+
+    /// Its progress along the reference line from the start of the drive to the last step at which it is there (m), and that log
+    /// index.
+    #[must_use]
+    pub fn route_progress(&self) -> Option<(f64, usize)> {
+        self.route_progress
+    }
+
+    /// Which of the faults of an AV that is so read the logged AV has at the same place.
+    #[must_use]
+    pub fn nets(&self, av: &Body, reading: &Reading) -> Faults {
+        let own = reading.faults;
+        if own == Faults::default() || self.places.is_empty() {
+            return Faults::default();
+        }
+        let center = av.outline.center;
+        let here = || self.places.iter().filter(|place| (place.z - av.state.z).abs() <= STOREY);
+        let passes = |fault: fn(&Place) -> bool| here().any(|place| fault(place) && place.is_passed_at(center));
+        let corners = av.outline.corners();
+        let covers = |broken: [bool; 4], fault: fn(&Place) -> bool| {
+            let covered = |corner: Point| here().any(|place| fault(place) && place.covers(corner));
+            corners.into_iter().zip(broken).all(|(corner, broken)| !broken || covered(corner))
+        };
+        Faults {
+            off_route: own.off_route && passes(|place| place.faults.off_route),
+            off_road: own.off_road && covers(reading.corners.off_road, |place| place.faults.off_road),
+            outside_drivable_area: own.outside_drivable_area
+                && covers(reading.corners.outside, |place| place.faults.outside_drivable_area),
+            wrong_way: own.wrong_way && passes(|place| place.faults.wrong_way),
+            speeding: own.speeding
+                && here().any(|place| {
+                    place.faults.speeding && place.is_passed_at(center) && av.speed - place.speed <= OVERSPEED
+                }),
+        }
+    }
+
+    /// Whether the logged AV overlaps that track too where the AV does.
+    #[must_use]
+    pub fn nets_contact(&self, av: &Body, agent: &TrafficAgent) -> bool {
+        self.comes_by(agent.track, beside(av.outline.center, agent), |encounter| encounter.contact)
+    }
+
+    /// Whether the logged AV comes as near to that track too, at the same place; or what would be hit in `time` (s) it hits too.
+    #[must_use]
+    pub fn nets_time(&self, av: &Body, agent: &TrafficAgent, time: f64) -> bool {
+        let relative = av.velocity() - agent.outline.forward * agent.speed;
+        let then = av.outline.center + relative * time;
+        self.comes_by(agent.track, beside(av.outline.center, agent), |_| true)
+            || self.comes_by(agent.track, beside(then, agent), |encounter| encounter.contact)
+    }
+
+    fn comes_by(&self, track: usize, at: Point, which: impl Fn(&Encounter) -> bool) -> bool {
+        let first = self.encounters.partition_point(|encounter| encounter.track < track);
+        let own = self.encounters[first..].iter().take_while(|encounter| encounter.track == track);
+        let mut own = own.filter(|encounter| which(encounter));
+        own.any(|encounter| encounter.way.nearest_to(at).distance_squared <= SAME_PLACE * SAME_PLACE)
+    }
+}
+
+impl Place {
+    /// Whether a corner lies where the logged AV's box was, or within a metre of it.
+    fn covers(&self, corner: Point) -> bool {
+        let offset = corner - self.outline.center;
+        offset.dot(self.outline.forward).abs() <= self.outline.half_length + SAME_PLACE
+            && offset.dot(self.outline.left()).abs() <= self.outline.half_width + SAME_PLACE
+    }
+
+    /// Whether a centre lies within a metre beside the logged AV's way; along it the boxes of two steps always meet.
+    fn is_passed_at(&self, center: Point) -> bool {
+        let offset = center - self.outline.center;
+        offset.dot(self.outline.forward).abs() <= self.outline.half_length + SAME_PLACE
+            && offset.dot(self.outline.left()).abs() <= SAME_PLACE
+    }
+}
+
+/// Where `point` lies in the frame of an agent's box.
+fn beside(point: Point, agent: &TrafficAgent) -> Point {
+    let offset = point - agent.outline.center;
+    Point::new(offset.dot(agent.outline.forward), offset.dot(agent.outline.left()))
+}
+
+fn places(readings: &[Option<(Body, Reading)>]) -> Vec<Place> {
+    let backs = |step: usize| {
+        // Who is told to have driven a second against the lane did so during that second.
+        let second = readings[step..].iter().take(SECOND + 1).flatten();
+        second.into_iter().any(|(_, reading)| reading.faults.wrong_way)
+    };
+    let place = |(step, at): (usize, &Option<(Body, Reading)>)| {
+        let (body, reading) = at.as_ref()?;
+        let faults = Faults { wrong_way: backs(step), ..reading.faults };
+        let place = Place { outline: body.outline, z: body.state.z, speed: body.speed, faults };
+        (faults != Faults::default()).then_some(place)
+    };
+    readings.iter().enumerate().filter_map(place).collect()
+}
+
+fn encounters(course: &Course, readings: &[Option<(Body, Reading)>]) -> Vec<Encounter> {
+    // Each track's place beside the AV at the last step at which it was near, that step, and how near it was.
+    type Seen = (usize, Point, Option<bool>);
+    let mut before: Vec<Option<Seen>> = vec![None; course.traffic.tracks()];
+    let mut encounters = Vec::new();
+    for (log_index, at) in readings.iter().enumerate() {
+        let Some((body, _)) = at else { continue };
+        let reach = body.outline.radius() + body.speed * HORIZON_STEPS as f64 * STEP_SECONDS;
+        course.traffic.for_each_near(log_index, body.outline.center, reach, |agent| {
+            if (body.state.z - agent.z).abs() > STOREY {
+                return;
+            }
+            let contact = if overlaps(body, agent) {
+                Some(true)
+            } else {
+                time_to_collision(body, agent).filter(|time| *time < LEAST_TIME_TO_COLLISION).map(|_| false)
+            };
+            let here = beside(body.outline.center, agent);
+            let last = before[agent.track].replace((log_index, here, contact));
+            let last = last.filter(|(step, ..)| step + 1 == log_index);
+            let start = last.map_or(here, |(_, point, _)| point);
+            let way = Segment { start, end: here };
+            // The step in which it begins and the one in which it ends belong to it.
+            let told = [contact, last.and_then(|(.., contact)| contact)];
+            for kind in [true, false] {
+                if told.contains(&Some(kind)) {
+                    encounters.push(Encounter { track: agent.track, way, contact: kind });
+                }
+            }
+        });
+    }
+    encounters.sort_by_key(|encounter| encounter.track);
+    encounters
+}
+
+fn route_progress(readings: &[Option<(Body, Reading)>], start: usize, end: usize) -> Option<(f64, usize)> {
+    let driven = readings.get(start..end.min(readings.len()))?.iter().enumerate();
+    let mut present = driven.filter_map(|(step, at)| Some((step, at.as_ref()?.1.station)));
+    let first = present.next()?;
+    let last = present.next_back().unwrap_or(first);
+    Some((last.1 - first.1, start + last.0))
+}
