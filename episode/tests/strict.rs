@@ -31,14 +31,19 @@ fn replay(road: &StraightRoad) -> Outcome {
     run_with(&road.scene(), settings, &mut LogReplay(road.scene()))
 }
 
-/// A log that is at 10 m/s where the drive starts, and at 4 m/s after: its AV meets nobody that ours does.
-fn slow_log() -> StraightRoad {
+/// A log that is at 10 m/s where the drive starts, at 4 m/s after, and stands from `most` metres on: its AV meets nobody that
+/// ours does, at any time.
+fn slow_log_to(most: f64) -> StraightRoad {
     let mut av = car(0.0, 0.0, 0.0, 10.0);
-    av.motion = Box::new(|time| {
+    av.motion = Box::new(move |time| {
         let speed = if time < 0.05 { 10.0 } else { 4.0 };
-        Some((speed * time, 0.0, 0.0, speed))
+        if speed * time < most { Some((speed * time, 0.0, 0.0, speed)) } else { Some((most, 0.0, 0.0, 0.0)) }
     });
     StraightRoad { av, ..StraightRoad::new() }
+}
+
+fn slow_log() -> StraightRoad {
+    slow_log_to(40.0)
 }
 
 fn metric(outcome: &Outcome, name: &str) -> Option<f64> {
@@ -173,7 +178,7 @@ fn a_drive_too_short_to_be_felt_has_no_score_unless_it_is_lost_already() {
         assert_eq!((metric(&outcome, "nuplan_comfort"), metric(&outcome, "nuplan_score")), (None, None), "{steps}");
     }
     assert_eq!(metric(&short(24), "nuplan_score"), Some(1.0));
-    let blocked = slow_log().with(car(5.5, 0.0, 0.0, 0.0));
+    let blocked = slow_log_to(0.1).with(car(5.5, 0.0, 0.0, 0.0));
     let outcome = run(&blocked, &mut straight_on());
     assert_eq!((outcome.end.reason(), outcome.end.steps), (EndReason::Collision, 1));
     assert_eq!(metric(&outcome, "nuplan_score"), Some(0.0));

@@ -1,9 +1,11 @@
 //! What the metrics are computed from: a drive's records and events, and the human's drive beside it.
 
+use std::collections::BTreeSet;
+
 use wire::proto;
 use wire::proto::event::Kind;
 use world::geometry::Pose;
-use world::scene::AgentKind;
+use world::scene::{AgentKind, Judgement};
 
 use super::comfort::{self, Ride};
 use super::feasibility::{self, Pace};
@@ -31,6 +33,12 @@ pub struct Drive<'a> {
     pub driven: &'a [Driven],
     /// The logged AV's progress along the reference line (m), and the log index where it was last there, up to the horizon.
     pub human_route_progress: Option<(f64, usize)>,
+    /// The log index after the last step that there is to drive.
+    pub horizon: usize,
+    /// What the scene does not allow to judge.
+    pub unjudged: &'a BTreeSet<Judgement>,
+    /// For each record whether the AV is too fast there only as the logged AV is.
+    pub speeding_netted: &'a [bool],
 }
 
 /// The AV where a drive starts.
@@ -47,9 +55,14 @@ pub struct Start {
 }
 
 impl Drive<'_> {
-    /// Progress along the reference line (m), no longer than the logged AV is there to compare with.
+    /// Progress along the reference line (m), no longer than the logged AV is there to compare with; none where it is there for less
+    /// than half of the steps that there are to drive.
     fn compared_progress(&self) -> Option<f64> {
         let (_, last) = self.human_route_progress?;
+        let first = self.records.first().map_or(self.horizon, |record| record.log_index as usize);
+        if 2 * (last + 1).saturating_sub(first) < self.horizon.saturating_sub(first) {
+            return None;
+        }
         let compared = self.records.iter().rev().find(|record| record.log_index as usize <= last);
         Some(compared.map_or(0.0, |record| record.station - self.start.station))
     }
@@ -107,7 +120,9 @@ pub struct Facts {
     /// As nuPlan's code reads them.
     pub nuplan_extremes: Option<comfort::Extremes>,
     pub infeasible: bool,
-    pub terms: Option<nuplan::Terms>,
+    /// What there was no way to judge.
+    pub unjudged: BTreeSet<Judgement>,
+    pub terms: nuplan::Terms,
 }
 
 impl Facts {
@@ -148,10 +163,24 @@ impl Facts {
             extremes: comfort::Extremes::of(&rides.iter().map(Ride::felt).collect::<Vec<_>>()),
             nuplan_extremes: comfort::Extremes::of(&read),
             infeasible: drive.is_infeasible(),
-            terms: None,
+            unjudged: drive.unjudged.clone(),
+            terms: nuplan::Terms::default(),
         };
         facts.terms = facts.terms_of(drive);
         facts
+    }
+
+    /// A value of what can be judged.
+    #[must_use]
+    pub fn judged(&self, judgement: Judgement, value: Option<f64>) -> Option<f64> {
+        value.filter(|_| !self.unjudged.contains(&judgement))
+    }
+
+    /// Whether there was such a contact. One that there was is told, whatever else cannot be judged.
+    #[must_use]
+    pub fn collision(&self, is_so: bool) -> Option<f64> {
+        let value = Some(f64::from(u8::from(is_so)));
+        if is_so { value } else { self.judged(Judgement::Collision, value) }
     }
 
     /// Route progress over the human's, where the human moved.
@@ -165,34 +194,39 @@ impl Facts {
     /// One too short to be felt has no score, unless it already lost it.
     #[must_use]
     pub fn score(&self) -> Option<f64> {
-        let score = if self.off_route { 0.0 } else { self.terms?.score() };
+        let score = if self.off_route { 0.0 } else { self.terms.score()? };
         (self.nuplan_extremes.is_some() || score == 0.0).then_some(score)
     }
 
-    fn terms_of(&self, drive: &Drive<'_>) -> Option<nuplan::Terms> {
-        // Without a human's route nuPlan gives the term away.
-        let progress = match self.human_route_progress {
-            Some(human) => nuplan::progress(self.compared_progress?, human),
-            None => 1.0,
-        };
+    fn terms_of(&self, drive: &Drive<'_>) -> nuplan::Terms {
+        let progress = self.compared_progress.zip(self.human_route_progress);
+        let progress = progress.map(|(own, human)| nuplan::progress(own, human));
         let records = drive.records;
         let driven = || records.iter().zip(drive.driven.iter().skip(1));
         let is_netted = |record: &proto::StepRecord| record.backward_travel >= WRONG_WAY && !record.wrong_way;
         let backward = driven().filter(|(record, _)| !is_netted(record)).map(|(_, driven)| driven.backward_travel);
-        let overspeed: Vec<f64> =
-            driven().map(|(record, driven)| overspeed(speed(record), driven.speed_limit)).collect();
-        let score = |is_kept: bool| f64::from(u8::from(is_kept));
-        Some(nuplan::Terms {
-            no_collision: nuplan::no_collision(drive.at_fault.iter().copied()),
-            drivable_area: score(!records.iter().any(|record| record.outside_drivable_area)),
-            direction: nuplan::direction(backward.fold(0.0, f64::max)),
-            making_progress: score(progress >= nuplan::MAKING_PROGRESS),
+        let over = driven().map(|(record, driven)| overspeed(speed(record), driven.speed_limit));
+        let netted = drive.speeding_netted.iter().copied().chain(std::iter::repeat(false));
+        let over: Vec<f64> = over.zip(netted).map(|(over, netted)| if netted { 0.0 } else { over }).collect();
+        let score = |is_kept: bool| Some(f64::from(u8::from(is_kept)));
+        let no_collision = nuplan::no_collision(drive.at_fault.iter().copied());
+        let in_time = self.time_to_collision.is_none_or(|time| time >= LEAST_TIME_TO_COLLISION);
+        // One that is broken is broken, whatever else cannot be judged.
+        let unless_broken = |judgement: Judgement, term: Option<f64>| match term {
+            Some(term) if term < 1.0 => Some(term),
+            term => self.judged(judgement, term),
+        };
+        nuplan::Terms {
+            no_collision: unless_broken(Judgement::Collision, Some(no_collision)),
+            drivable_area: self
+                .judged(Judgement::OffRoad, score(!records.iter().any(|record| record.outside_drivable_area))),
+            direction: Some(nuplan::direction(backward.fold(0.0, f64::max))),
+            making_progress: progress.and_then(|progress| score(progress >= nuplan::MAKING_PROGRESS)),
             progress,
-            time_to_collision: score(self.time_to_collision.is_none_or(|time| time >= LEAST_TIME_TO_COLLISION)),
-            speed_limit: nuplan::speed_limit(&overspeed),
-            // Too short a drive to filter has none, and no score.
-            comfort: score(self.nuplan_extremes.is_none_or(|extremes| extremes.are_comfortable())),
-        })
+            time_to_collision: unless_broken(Judgement::Collision, score(in_time)),
+            speed_limit: self.judged(Judgement::Speeding, Some(nuplan::speed_limit(&over))),
+            comfort: self.nuplan_extremes.and_then(|extremes| score(extremes.are_comfortable())),
+        }
     }
 }
 

@@ -17,6 +17,8 @@ pub mod nuplan;
 pub mod paper;
 pub mod savitzky_golay;
 
+use world::scene::Judgement;
+
 pub use drive::{Drive, Facts, Start};
 
 /// One metric of an episode.
@@ -57,16 +59,16 @@ macro_rules! metrics {
 /// Every metric, in the order of all files and tables.
 #[rustfmt::skip]
 pub const METRICS: &[Metric] = metrics![
-    "collision", "0/1", "the AV's box met an agent's, whoever's fault, where the logged AV did not", |f| flag(f.contacts > 0);
-    "at_fault_collision", "0/1", "such a contact for which the AV is at fault", |f| flag(f.at_fault > 0);
+    "collision", "0/1", "the AV's box met an agent's, whoever's fault, where the logged AV did not", |f| f.collision(f.contacts > 0);
+    "at_fault_collision", "0/1", "such a contact for which the AV is at fault", |f| f.collision(f.at_fault > 0);
     "contacts", "", "tracks that the AV's box met", |f| Some(f.contacts as f64);
     "contacts_netted", "", "tracks that the AV's box met where the logged AV met them too: not counted above", |f| Some(f.netted_contacts as f64);
     "impact_relative_speed_mps", "m/s", "the highest relative speed of the counted contacts; none without one", |f| f.relative_speed;
     "off_route", "0/1", "the AV's centre left the route's corridor", |f| flag(f.off_route);
-    "off_road", "0/1", "a corner was beyond the road's edge", |f| flag(f.off_road);
+    "off_road", "0/1", "a corner was beyond the road's edge", |f| f.judged(Judgement::OffRoad, flag(f.off_road));
     "red_light", "0/1", "the front bumper crossed a stop point of the route at red", |f| flag(f.red_light);
     "wrong_way", "0/1", "the AV drove 2 m or more against its lane within a second", |f| flag(f.wrong_way);
-    "speeding", "0/1", "the AV drove more than 2.23 m/s above the speed limit", |f| flag(f.speeding);
+    "speeding", "0/1", "the AV drove more than 2.23 m/s above the speed limit", |f| f.judged(Judgement::Speeding, flag(f.speeding));
     "progress_m", "m", "length of the path driven, without the first step (the paper's)", |f| f.progress;
     "mean_abs_acceleration_mps2", "m/s^2", "mean magnitude of longitudinal acceleration (the paper's)", |f| f.comfort.acceleration;
     "mean_abs_jerk_mps3", "m/s^3", "mean magnitude of longitudinal jerk (the paper's)", |f| f.comfort.jerk;
@@ -95,15 +97,16 @@ pub const METRICS: &[Metric] = metrics![
     "nuplan_max_acceleration_mps2", "m/s^2", "greatest longitudinal acceleration as nuPlan's code reads it (below 2.40)", |f| f.nuplan_extremes.map(|e| e.greatest_acceleration);
     "nuplan_max_abs_longitudinal_jerk_mps3", "m/s^3", "greatest magnitude of longitudinal jerk as nuPlan's code reads it (below 4.13)", |f| f.nuplan_extremes.map(|e| e.longitudinal_jerk);
     "nuplan_max_abs_jerk_mps3", "m/s^3", "greatest magnitude of jerk as nuPlan's code reads it (below 8.37)", |f| f.nuplan_extremes.map(|e| e.jerk);
-    "nuplan_no_at_fault_collision", "", "NC: 1, 1/2 after one at-fault hit of an object, 0 after any other", |f| f.terms.map(|t| t.no_collision);
-    "nuplan_drivable_area", "", "DAC: 0 if a corner was 0.3 m or more beyond the road's edge and outside of the AV's lanes", |f| f.terms.map(|t| t.drivable_area);
-    "nuplan_driving_direction", "", "DDC: 1, 1/2 or 0 by the backward travel within a second", |f| f.terms.map(|t| t.direction);
-    "nuplan_making_progress", "", "MP: 1 if EP is at least 0.2", |f| f.terms.map(|t| t.making_progress);
-    "nuplan_progress", "", "EP: route progress over the human's, both at least 2 m, at most 1", |f| f.terms.map(|t| t.progress);
-    "nuplan_time_to_collision", "", "TTC: 1 if the time to collision never falls below 0.95 s", |f| f.terms.map(|t| t.time_to_collision);
-    "nuplan_speed_limit", "", "SL: 1 less the mean speed above the limit over 2.23 m/s, at least 0", |f| f.terms.map(|t| t.speed_limit);
-    "nuplan_comfort", "", "C: 1 if all extremes, as nuPlan's code reads them, are within their bounds", |f| f.nuplan_extremes.and(f.terms).map(|t| t.comfort);
+    "nuplan_no_at_fault_collision", "", "NC: 1, 1/2 after one at-fault hit of an object, 0 after any other", |f| f.terms.no_collision;
+    "nuplan_drivable_area", "", "DAC: 0 if a corner was 0.3 m or more beyond the road's edge and outside of the AV's lanes", |f| f.terms.drivable_area;
+    "nuplan_driving_direction", "", "DDC: 1, 1/2 or 0 by the backward travel within a second", |f| f.terms.direction;
+    "nuplan_making_progress", "", "MP: 1 if EP is at least 0.2", |f| f.terms.making_progress;
+    "nuplan_progress", "", "EP: route progress over the human's, both at least 2 m, at most 1", |f| f.terms.progress;
+    "nuplan_time_to_collision", "", "TTC: 1 if the time to collision never falls below 0.95 s", |f| f.terms.time_to_collision;
+    "nuplan_speed_limit", "", "SL: 1 less the mean speed above the limit over 2.23 m/s, at least 0", |f| f.terms.speed_limit;
+    "nuplan_comfort", "", "C: 1 if all extremes, as nuPlan's code reads them, are within their bounds", |f| f.terms.comfort;
     "nuplan_score", "", "NC DAC DDC MP (5 EP + 5 TTC + 4 SL + 2 C) / 16; 0 after leaving the route; none of fewer than 4 steps", |f| f.score();
+    "nuplan_terms", "", "of how many of the eight terms the score is made: those that can be judged", |f| Some(f.terms.judged() as f64);
 ];
 
 #[cfg(test)]

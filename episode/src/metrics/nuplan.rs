@@ -12,34 +12,51 @@ pub const BACKWARD_TRAVEL: (f64, f64) = (2.0, 6.0);
 /// Driving this much (m/s) above the limit all the time takes the whole score of speed.
 pub const OVERSPEED: f64 = 2.23;
 
-/// The terms of the score.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// The terms of the score; none where a term cannot be judged.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Terms {
     /// No at-fault collision: 0, 1/2 or 1.
-    pub no_collision: f64,
+    pub no_collision: Option<f64>,
     /// Drivable area kept: 0 or 1.
-    pub drivable_area: f64,
+    pub drivable_area: Option<f64>,
     /// Driving direction kept: 0, 1/2 or 1.
-    pub direction: f64,
+    pub direction: Option<f64>,
     /// Making progress: 0 or 1.
-    pub making_progress: f64,
+    pub making_progress: Option<f64>,
     /// Progress along the human's route, relative to the human's: 0 to 1.
-    pub progress: f64,
+    pub progress: Option<f64>,
     /// Time to collision within bound: 0 or 1.
-    pub time_to_collision: f64,
+    pub time_to_collision: Option<f64>,
     /// Speed limit kept: 0 to 1.
-    pub speed_limit: f64,
+    pub speed_limit: Option<f64>,
     /// Comfort: 0 or 1.
-    pub comfort: f64,
+    pub comfort: Option<f64>,
 }
 
 impl Terms {
-    /// The score, 0 to 1.
+    fn factors(&self) -> [Option<f64>; 4] {
+        [self.no_collision, self.drivable_area, self.direction, self.making_progress]
+    }
+
+    fn weighted(&self) -> [(f64, Option<f64>); 4] {
+        [(5.0, self.progress), (5.0, self.time_to_collision), (4.0, self.speed_limit), (2.0, self.comfort)]
+    }
+
+    /// The score, 0 to 1, of the terms that can be judged: their product times their weighted mean; none where no weighted term
+    /// can be, unless the product is 0.
     #[must_use]
-    pub fn score(&self) -> f64 {
-        let product = self.no_collision * self.drivable_area * self.direction * self.making_progress;
-        let sum = 5.0 * self.progress + 5.0 * self.time_to_collision + 4.0 * self.speed_limit + 2.0 * self.comfort;
-        product * sum / 16.0
+    pub fn score(&self) -> Option<f64> {
+        let product: f64 = self.factors().into_iter().flatten().product();
+        let judged = || self.weighted().into_iter().filter_map(|(weight, term)| Some((weight, term?)));
+        let weights: f64 = judged().map(|(weight, _)| weight).sum();
+        let sum: f64 = judged().map(|(weight, term)| weight * term).sum();
+        if weights > 0.0 { Some(product * sum / weights) } else { (product == 0.0).then_some(0.0) }
+    }
+
+    /// How many of the eight terms can be judged.
+    #[must_use]
+    pub fn judged(&self) -> usize {
+        self.factors().into_iter().chain(self.weighted().map(|(_, term)| term)).flatten().count()
     }
 }
 
@@ -84,29 +101,40 @@ pub fn speed_limit(overspeed: &[f64]) -> f64 {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
 
     const PERFECT: Terms = Terms {
-        no_collision: 1.0,
-        drivable_area: 1.0,
-        direction: 1.0,
-        making_progress: 1.0,
-        progress: 1.0,
-        time_to_collision: 1.0,
-        speed_limit: 1.0,
-        comfort: 1.0,
+        no_collision: Some(1.0),
+        drivable_area: Some(1.0),
+        direction: Some(1.0),
+        making_progress: Some(1.0),
+        progress: Some(1.0),
+        time_to_collision: Some(1.0),
+        speed_limit: Some(1.0),
+        comfort: Some(1.0),
     };
 
     #[test]
     fn the_weights_are_those_of_the_code() {
-        assert_eq!(PERFECT.score(), 1.0);
-        assert_eq!(Terms { progress: 0.0, ..PERFECT }.score(), 11.0 / 16.0);
-        assert_eq!(Terms { time_to_collision: 0.0, ..PERFECT }.score(), 11.0 / 16.0);
-        assert_eq!(Terms { speed_limit: 0.5, ..PERFECT }.score(), 14.0 / 16.0);
-        assert_eq!(Terms { comfort: 0.0, ..PERFECT }.score(), 14.0 / 16.0);
-        assert_eq!(Terms { direction: 0.5, comfort: 0.0, ..PERFECT }.score(), 7.0 / 16.0);
-        assert_eq!(Terms { drivable_area: 0.0, ..PERFECT }.score(), 0.0);
+        let score = |terms: Terms| terms.score().unwrap();
+        assert_eq!((score(PERFECT), PERFECT.judged()), (1.0, 8));
+        assert_eq!(score(Terms { progress: Some(0.0), ..PERFECT }), 11.0 / 16.0);
+        assert_eq!(score(Terms { time_to_collision: Some(0.0), ..PERFECT }), 11.0 / 16.0);
+        assert_eq!(score(Terms { speed_limit: Some(0.5), ..PERFECT }), 14.0 / 16.0);
+        assert_eq!(score(Terms { comfort: Some(0.0), ..PERFECT }), 14.0 / 16.0);
+        assert_eq!(score(Terms { direction: Some(0.5), comfort: Some(0.0), ..PERFECT }), 7.0 / 16.0);
+        assert_eq!(score(Terms { drivable_area: Some(0.0), ..PERFECT }), 0.0);
+    }
+
+    #[test]
+    fn what_cannot_be_judged_is_left_out_of_the_score_and_of_its_weights() {
+        let partial = Terms { speed_limit: None, drivable_area: None, comfort: Some(0.0), ..PERFECT };
+        assert_eq!((partial.score(), partial.judged()), (Some(10.0 / 12.0), 6));
+        let nothing = Terms { no_collision: Some(1.0), ..Terms::default() };
+        assert_eq!((nothing.score(), nothing.judged()), (None, 1));
+        assert_eq!(Terms { no_collision: Some(0.0), ..nothing }.score(), Some(0.0), "lost is lost");
     }
 
     #[test]

@@ -2,9 +2,11 @@
 //!
 //! Faults are netted **by place**: what the logged AV breaks anywhere in its log is no fault of a driver who breaks it at the same
 //! place, whenever that is. The same place is within a metre of where it was: of its box for corners off the road, of its way for
-//! its lane and its speed, of where it was *beside the same track* for contacts and for what leads to them.
+//! its lane and its speed; for contacts, and for what leads to them, of where it was and of where it was beside the same track. A
+//! contact with the same track at the same time is netted too, wherever it is. Steps at which the logged AV was not seen excuse
+//! nothing.
 
-use world::geometry::{OrientedBox, Point, Segment};
+use world::geometry::{OrientedBox, Point, Segment, boxes_overlap};
 use world::plan::STEP_SECONDS;
 use world::route::follow::Follower;
 use world::scene::bridged::Bridged;
@@ -30,6 +32,8 @@ pub struct Human {
     red_stops_crossed: Vec<RedStop>,
     /// Where it breaks a rule.
     places: Vec<Place>,
+    /// Its box at each log index, and its height.
+    bodies: Vec<Option<(OrientedBox, f64)>>,
     /// Where it meets tracks or nearly does, in ascending order of track.
     encounters: Vec<Encounter>,
     /// From the start of the drive to its end.
@@ -45,11 +49,13 @@ struct Place {
     faults: Faults,
 }
 
-/// The logged AV beside a track, from one step to the next, in the track's frame (m, from centre to centre).
+/// The logged AV beside a track, from one step to the next.
 #[derive(Clone, Copy, Debug)]
 struct Encounter {
     track: usize,
     way: Segment,
+    /// The same in the track's frame (m, from centre to centre).
+    beside: Segment,
     /// Their boxes overlap; else they would within less than the least time to collision.
     contact: bool,
 }
@@ -63,11 +69,13 @@ impl Human {
             at_start: Follower::default(),
             red_stops_crossed: Vec::new(),
             places: Vec::new(),
+            bodies: Vec::new(),
             encounters: Vec::new(),
             route_progress: None,
         };
         let mut readings: Vec<Option<(Body, Reading)>> = Vec::new();
-        for (log_index, state) in bridged.judged().av().states.iter().enumerate() {
+        let scene = bridged.judged();
+        for (log_index, state) in scene.av().states.iter().enumerate() {
             if log_index == start {
                 human.at_start = reader.follower();
             }
@@ -78,11 +86,18 @@ impl Human {
             };
             let body = Body::of(*state);
             let at = reader.follow(course, state.pose(), state.z - 0.5 * state.height);
+            if bridged.unseen(scene.av_index(), log_index) != Some(0) {
+                reader.miss();
+                readings.push(None);
+                continue;
+            }
             let reading = reader.read(course, &body, at);
             human.red_stops_crossed.extend(course.red_stops_crossed(log_index, &reading).copied());
             readings.push(Some((body, reading)));
         }
         human.places = places(&readings);
+        let outline = |at: &Option<(Body, Reading)>| at.as_ref().map(|(body, _)| (body.outline, body.state.z));
+        human.bodies = readings.iter().map(outline).collect();
         human.encounters = encounters(course, &readings);
         human.route_progress = route_progress(&readings, start, end);
         human
@@ -135,26 +150,48 @@ impl Human {
         }
     }
 
-    /// Whether the logged AV overlaps that track too where the AV does.
+    /// Whether the logged AV overlaps that track too: where the AV does, or when it does.
     #[must_use]
-    pub fn nets_contact(&self, av: &Body, agent: &TrafficAgent) -> bool {
-        self.comes_by(agent.track, beside(av.outline.center, agent), |encounter| encounter.contact)
+    pub fn nets_contact(&self, log_index: usize, av: &Body, agent: &TrafficAgent) -> bool {
+        let now = self.bodies.get(log_index).copied().flatten();
+        now.is_some_and(|(outline, z)| (z - agent.z).abs() <= STOREY && boxes_overlap(&outline, &agent.outline))
+            || self.comes_by(agent.track, Spot::now(av, agent), |encounter| encounter.contact)
     }
 
     /// Whether the logged AV comes as near to that track too, at the same place; or what would be hit in `time` (s) it hits too.
     #[must_use]
     pub fn nets_time(&self, av: &Body, agent: &TrafficAgent, time: f64) -> bool {
-        let relative = av.velocity() - agent.outline.forward * agent.speed;
-        let then = av.outline.center + relative * time;
-        self.comes_by(agent.track, beside(av.outline.center, agent), |_| true)
-            || self.comes_by(agent.track, beside(then, agent), |encounter| encounter.contact)
+        self.comes_by(agent.track, Spot::now(av, agent), |_| true)
+            || self.comes_by(agent.track, Spot::after(time, av, agent), |encounter| encounter.contact)
     }
 
-    fn comes_by(&self, track: usize, at: Point, which: impl Fn(&Encounter) -> bool) -> bool {
+    fn comes_by(&self, track: usize, at: Spot, which: impl Fn(&Encounter) -> bool) -> bool {
         let first = self.encounters.partition_point(|encounter| encounter.track < track);
         let own = self.encounters[first..].iter().take_while(|encounter| encounter.track == track);
-        let mut own = own.filter(|encounter| which(encounter));
-        own.any(|encounter| encounter.way.nearest_to(at).distance_squared <= SAME_PLACE * SAME_PLACE)
+        let is_near = |way: &Segment, point: Point| way.nearest_to(point).distance_squared <= SAME_PLACE * SAME_PLACE;
+        own.filter(|encounter| which(encounter))
+            .any(|encounter| is_near(&encounter.way, at.center) && is_near(&encounter.beside, at.beside))
+    }
+}
+
+/// An AV's centre, and the same in the frame of a track.
+#[derive(Clone, Copy, Debug)]
+struct Spot {
+    center: Point,
+    beside: Point,
+}
+
+impl Spot {
+    fn now(av: &Body, agent: &TrafficAgent) -> Self {
+        Self::after(0.0, av, agent)
+    }
+
+    /// Where both will be if they go on as they do.
+    fn after(time: f64, av: &Body, agent: &TrafficAgent) -> Self {
+        let center = av.outline.center + av.velocity() * time;
+        let track = agent.outline.center + agent.outline.forward * (agent.speed * time);
+        let offset = center - track;
+        Self { center, beside: Point::new(offset.dot(agent.outline.forward), offset.dot(agent.outline.left())) }
     }
 }
 
@@ -174,12 +211,6 @@ impl Place {
     }
 }
 
-/// Where `point` lies in the frame of an agent's box.
-fn beside(point: Point, agent: &TrafficAgent) -> Point {
-    let offset = point - agent.outline.center;
-    Point::new(offset.dot(agent.outline.forward), offset.dot(agent.outline.left()))
-}
-
 fn places(readings: &[Option<(Body, Reading)>]) -> Vec<Place> {
     let backs = |step: usize| {
         // Who is told to have driven a second against the lane did so during that second.
@@ -197,7 +228,7 @@ fn places(readings: &[Option<(Body, Reading)>]) -> Vec<Place> {
 
 fn encounters(course: &Course, readings: &[Option<(Body, Reading)>]) -> Vec<Encounter> {
     // Each track's place beside the AV at the last step at which it was near, that step, and how near it was.
-    type Seen = (usize, Point, Option<bool>);
+    type Seen = (usize, Spot, Option<bool>);
     let mut before: Vec<Option<Seen>> = vec![None; course.traffic.tracks()];
     let mut encounters = Vec::new();
     for (log_index, at) in readings.iter().enumerate() {
@@ -212,16 +243,17 @@ fn encounters(course: &Course, readings: &[Option<(Body, Reading)>]) -> Vec<Enco
             } else {
                 time_to_collision(body, agent).filter(|time| *time < LEAST_TIME_TO_COLLISION).map(|_| false)
             };
-            let here = beside(body.outline.center, agent);
+            let here = Spot::now(body, agent);
             let last = before[agent.track].replace((log_index, here, contact));
             let last = last.filter(|(step, ..)| step + 1 == log_index);
-            let start = last.map_or(here, |(_, point, _)| point);
-            let way = Segment { start, end: here };
+            let start = last.map_or(here, |(_, spot, _)| spot);
+            let way = Segment { start: start.center, end: here.center };
+            let beside = Segment { start: start.beside, end: here.beside };
             // The step in which it begins and the one in which it ends belong to it.
             let told = [contact, last.and_then(|(.., contact)| contact)];
             for kind in [true, false] {
                 if told.contains(&Some(kind)) {
-                    encounters.push(Encounter { track: agent.track, way, contact: kind });
+                    encounters.push(Encounter { track: agent.track, way, beside, contact: kind });
                 }
             }
         });

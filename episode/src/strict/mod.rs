@@ -13,6 +13,8 @@ pub mod human;
 mod referee;
 pub mod traffic;
 
+use std::collections::BTreeSet;
+
 use wire::proto::{self, EndReason};
 use world::geometry::{Point, Pose, angle_difference};
 use world::plan::{Control, Plan, STEP_SECONDS};
@@ -20,7 +22,7 @@ use world::reference_line::ReferenceWindow;
 use world::route::follow::Followed;
 use world::route::{Route, RouteStyle};
 use world::scene::bridged::Bridged;
-use world::scene::{AgentState, Scene};
+use world::scene::{AgentState, Judgement, Scene, Unjudged};
 use world::signal::Signal;
 use world::vehicle::{BicycleModel, Limits, VehicleState};
 
@@ -50,6 +52,10 @@ pub(super) struct Strict {
     /// Where it is on the reference line.
     place: Followed,
     begun: Start,
+    /// The log index after the last step.
+    end: usize,
+    /// What the scene does not allow to judge.
+    unjudged: BTreeSet<Judgement>,
 }
 
 impl Strict {
@@ -80,9 +86,11 @@ impl Strict {
         };
         Ok(Self {
             control: Control { acceleration: 0.0, steering },
-            referee: Referee::new(scene, &course.traffic, vehicle.wheelbase),
+            referee: Referee::new(scene, &course.traffic, vehicle.wheelbase, end.saturating_sub(start)),
             limits: settings.limits(),
             begun,
+            end,
+            unjudged: bridged.unjudged().iter().map(Unjudged::judgement).collect(),
             place,
             settings,
             vehicle,
@@ -151,6 +159,9 @@ impl Strict {
             wheelbase: self.vehicle.wheelbase,
             driven: &self.reader.settle(&self.course),
             human_route_progress: self.human.route_progress(),
+            horizon: self.end,
+            unjudged: &self.unjudged,
+            speeding_netted: self.referee.speeding_netted(),
         })
     }
 

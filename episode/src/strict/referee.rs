@@ -60,6 +60,8 @@ pub struct Referee {
     /// Agents that overlap the AV at this step; kept to spare an allocation.
     overlapping: Vec<TrafficAgent>,
     at_fault: Vec<AgentKind>,
+    /// For each step whether the AV was too fast only as the logged AV is.
+    speeding_netted: Vec<bool>,
     off_route: Standing,
     off_road: Standing,
     wrong_way: Standing,
@@ -68,7 +70,7 @@ pub struct Referee {
 }
 
 impl Referee {
-    pub(super) fn new(scene: &Scene, traffic: &Traffic, wheelbase: f64) -> Self {
+    pub(super) fn new(scene: &Scene, traffic: &Traffic, wheelbase: f64, steps: usize) -> Self {
         let tracks: Vec<_> = scene.tracks().iter().map(|track| (track.id, track.kind)).collect();
         Self {
             wheelbase,
@@ -77,6 +79,7 @@ impl Referee {
             since_wrong_way: u32::MAX,
             overlapping: Vec::with_capacity(traffic.most_agents()),
             at_fault: Vec::new(),
+            speeding_netted: Vec::with_capacity(steps),
             off_route: Standing::Kept,
             off_road: Standing::Kept,
             wrong_way: Standing::Kept,
@@ -89,6 +92,11 @@ impl Referee {
     /// What was hit at fault so far.
     pub(super) fn at_fault(&self) -> &[AgentKind] {
         &self.at_fault
+    }
+
+    /// For each step whether the AV was too fast only as the logged AV is.
+    pub(super) fn speeding_netted(&self) -> &[bool] {
+        &self.speeding_netted
     }
 
     /// Fills in the record and the events of a step.
@@ -132,17 +140,18 @@ impl Referee {
         });
         for index in 0..self.overlapping.len() {
             let agent = self.overlapping[index];
-            self.judge_contact(human, av, &agent, advance);
+            self.judge_contact(moment, &agent, advance);
         }
         let record = &mut advance.record;
         record.time_to_collision = if record.at_fault_collision { Some(0.0) } else { least };
     }
 
-    fn judge_contact(&mut self, human: &Human, av: &Body, agent: &TrafficAgent, advance: &mut Advance) {
+    fn judge_contact(&mut self, moment: &Moment<'_>, agent: &TrafficAgent, advance: &mut Advance) {
+        let Moment { human, log_index, av, .. } = *moment;
         let Advance { record, events, .. } = advance;
         let contact = classify(av, self.wheelbase, agent);
         let at_fault = is_at_fault(contact, record.in_one_lane) && !agent.sudden;
-        let netted = human.nets_contact(av, agent);
+        let netted = human.nets_contact(log_index, av, agent);
         let said = std::mem::replace(&mut self.netted[agent.track], netted);
         if netted && said {
             return;
@@ -183,6 +192,7 @@ impl Referee {
         let off_road = Standing::of(own.off_road, log.off_road);
         let wrong_way = Standing::of(own.wrong_way, log.wrong_way);
         let speeding = Standing::of(own.speeding, log.speeding);
+        self.speeding_netted.push(speeding == Standing::Netted);
         let low_time = record.time_to_collision.is_some_and(|time| time < LEAST_TIME_TO_COLLISION);
         record.off_route = off_route == Standing::Broken;
         record.off_road = off_road == Standing::Broken;
