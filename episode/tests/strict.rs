@@ -219,13 +219,23 @@ fn driving_in_the_oncoming_lane_is_the_wrong_way() {
 }
 
 #[test]
-fn speeding_costs_what_the_integral_says() {
+fn speeding_costs_what_the_integral_says_unless_the_human_speeds_there_too() {
     // The log drives at 15 m/s where 11.176 m/s are allowed; so does the AV.
     let fast = StraightRoad { av: car(0.0, 0.0, 0.0, 15.0), ..StraightRoad::new() };
     let outcome = run(&fast, &mut straight_on());
     assert_eq!(metric(&outcome, "speeding"), Some(0.0), "netted: the human speeds too");
-    assert_eq!(metric(&outcome, "speed_limit_compliance"), Some(0.0));
-    let expected = (1.0 - (15.0 - LIMIT) / 2.23).max(0.0);
+    assert_eq!(metric(&outcome, "speed_limit_compliance"), Some(0.0), "what is netted is told");
+    assert_eq!(metric(&outcome, "nuplan_speed_limit"), Some(1.0));
+    // A log that slows down at once is no excuse for who keeps its speed.
+    let mut av = car(0.0, 0.0, 0.0, 12.0);
+    av.motion = Box::new(|time| Some((12.0 * time, 0.0, 0.0, 12.0)));
+    let speeds_up =
+        &mut Controls(|o: &Observation| Control { acceleration: if o.step < 10 { 2.0 } else { 0.0 }, steering: 0.0 });
+    let outcome = run(&StraightRoad { av, ..StraightRoad::new() }, speeds_up);
+    assert_eq!(metric(&outcome, "speeding"), Some(1.0));
+    let speeds: Vec<f64> = outcome.records.iter().map(|record| record.av.unwrap().velocity_x).collect();
+    let over: f64 = speeds.iter().map(|speed| speed - LIMIT).sum();
+    let expected = (1.0 - over / (2.23 * speeds.len() as f64)).max(0.0);
     assert!((metric(&outcome, "nuplan_speed_limit").unwrap() - expected).abs() < 1e-9);
 }
 
