@@ -55,7 +55,15 @@ fn main() -> Result<(), Error> {
 fn boxes(av: Row, agent: Row) -> Value {
     let body = |row: Row| Body { speed: row[3], ..Body::of(AgentState { z: 0.0, ..world::state(row) }) };
     let (av, Body { state, outline, speed }) = (body(av), body(agent));
-    let agent = TrafficAgent { track: 0, kind: AgentKind::Vehicle, outline, z: 0.0, velocity: state.velocity(), speed };
+    let agent = TrafficAgent {
+        track: 0,
+        kind: AgentKind::Vehicle,
+        outline,
+        z: 0.0,
+        velocity: state.velocity(),
+        speed,
+        sudden: false,
+    };
     let contact = overlaps(&av, &agent).then(|| classify(&av, WHEELBASE, &agent).as_str_name());
     json!({
         "contact": contact,

@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 use world::geometry::Point;
 use world::route::{Route, RouteStyle};
 use world::scene::AgentState;
+use world::scene::bridged::Bridged;
 
 use crate::Error;
 
@@ -26,13 +27,14 @@ pub fn state([x, y, heading, speed, length, width]: Row) -> AgentState {
 
 /// The scene of the input `path`.
 pub fn seen(path: &str) -> Result<Value, Error> {
-    let scene = SceneSet::open(&[path.to_owned()])?.load(0)?.0;
+    let bridged = Bridged::of(&SceneSet::open(&[path.to_owned()])?.load(0)?.0);
+    let scene = bridged.judged();
     let settings = StrictSettings::default();
     let start = settings.start as usize;
     let av = scene.av().states[start].ok_or("the AV is not there at the start")?;
     let wheelbase = settings.vehicle(av.length)?.wheelbase;
-    let horizon = Episode::new(Arc::clone(&scene), &Protocol::Strict(settings.clone()))?.briefing().horizon;
-    let course = Course::of(&scene, Route::of_log(&scene, RouteStyle::Strict)?, &settings, wheelbase);
+    let horizon = Episode::new(Arc::clone(bridged.logged()), &Protocol::Strict(settings.clone()))?.briefing().horizon;
+    let course = Course::of(&bridged, Route::of_log(scene, RouteStyle::Strict)?, &settings, wheelbase);
     let row = |s: &AgentState| json!([s.x, s.y, s.heading, s.speed(), s.length, s.width, s.z]);
     let tracks = scene.tracks().iter().map(|track| {
         let states: Vec<_> = track.states.iter().map(|state| state.as_ref().map(row)).collect();
