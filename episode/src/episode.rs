@@ -14,6 +14,7 @@ use world::signal::Signal;
 use world::vehicle::WHEELBASE;
 
 use crate::advance::{Advance, Undrivable, named};
+use crate::detail::detail;
 use crate::metrics;
 use crate::paper::{self, Paper};
 use crate::protocol::Protocol;
@@ -245,6 +246,9 @@ impl Episode {
         }
         self.step += 1;
         self.advance.ended = ended.or_else(|| self.end_of_time());
+        if self.detail.is_empty() {
+            self.detail = detail(&self.advance, self.step, self.most_steps);
+        }
         self.advance.record.events = self.advance.events.len() as u32;
         self.records.push(self.advance.record);
         self.events.extend_from_slice(&self.advance.events);

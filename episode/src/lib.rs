@@ -23,6 +23,7 @@
 //! | [`driver`] | driving an episode in one process |
 
 mod advance;
+mod detail;
 pub mod driver;
 mod episode;
 pub mod judges;

@@ -6,4 +6,5 @@
 //! | [`open_loop`] | the paper's open-loop metrics: a plan held to the log, frame by frame |
 
 pub mod open_loop;
+pub mod scenes;
 pub mod table;

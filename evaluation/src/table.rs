@@ -59,9 +59,10 @@ fn columns(protocol: &str) -> impl Iterator<Item = &'static Column> {
     COLUMNS.iter().filter(move |column| protocol != "paper" || authors::is_measured(column.2))
 }
 
-/// The tables of `runs`: one for each protocol among them, in the order in which they come.
+/// The tables of `runs`: one for each protocol among them, in the order in which they come. A text that is wider than `width`
+/// is folded: its columns stand in blocks, one below the other, each with the drivers before it.
 #[must_use]
-pub fn render(runs: &[Summary], format: TableFormat) -> String {
+pub fn render(runs: &[Summary], format: TableFormat, width: usize) -> String {
     let mut protocols: Vec<&str> = Vec::new();
     for run in runs {
         if !protocols.contains(&run.protocol.as_str()) {
@@ -71,7 +72,7 @@ pub fn render(runs: &[Summary], format: TableFormat) -> String {
     let tables = protocols.iter().map(|protocol| {
         let same: Vec<&Summary> = runs.iter().filter(|run| run.protocol == *protocol).collect();
         match format {
-            TableFormat::Text => text(&same),
+            TableFormat::Text => text(&same, width),
             TableFormat::Markdown => markdown(&same),
             TableFormat::Csv => csv(&same),
         }
@@ -80,7 +81,7 @@ pub fn render(runs: &[Summary], format: TableFormat) -> String {
 }
 
 /// What the table is of: whatever all its lines share.
-fn title(runs: &[&Summary]) -> String {
+pub(crate) fn title(runs: &[&Summary]) -> String {
     let [first, rest @ ..] = runs else { return String::new() };
     let all = |same: fn(&Summary, &Summary) -> bool| rest.iter().all(|run| same(first, run));
     let mut parts = Vec::new();
@@ -104,7 +105,7 @@ fn title(runs: &[&Summary]) -> String {
 }
 
 /// What a line is called: the driver, and what tells it from its namesakes.
-fn label(run: &Summary, runs: &[&Summary]) -> String {
+pub(crate) fn label(run: &Summary, runs: &[&Summary]) -> String {
     let namesakes: Vec<_> = runs.iter().filter(|other| other.driver == run.driver).collect();
     if namesakes.len() == 1 {
         return run.driver.clone();
@@ -125,7 +126,8 @@ fn value(run: &Summary, column: &Column) -> String {
     number + if episodes < run.counted() { FEWER } else { "" }
 }
 
-fn body(runs: &[&Summary], head_separator: &str) -> Table {
+/// A table of these columns; the first block of a folded one also has the counts.
+fn body(runs: &[&Summary], columns: &[&Column], counts: bool, head_separator: &str) -> Table {
     let head = |lines: &[&str]| {
         let words: Vec<&str> =
             lines.iter().copied().filter(|line| head_separator == "\n" || !line.is_empty()).collect();
@@ -133,32 +135,52 @@ fn body(runs: &[&Summary], head_separator: &str) -> Table {
     };
     let number = |text: String| Cell::new(text).set_alignment(CellAlignment::Right);
     let mut table = Table::new();
-    let counts = [head(&["epi-", "sodes", ""]), head(&["", "failed", ""])];
-    let columns: Vec<&Column> = runs.first().map(|run| columns(&run.protocol).collect()).unwrap_or_default();
-    let heads = columns.iter().map(|column| head(column.0));
-    table.set_header(std::iter::once(Cell::new("driver")).chain(counts).chain(heads));
+    let heads = [head(&["epi-", "sodes", ""]), head(&["", "failed", ""])].into_iter().filter(|_| counts);
+    table.set_header(
+        std::iter::once(Cell::new("driver")).chain(heads).chain(columns.iter().map(|column| head(column.0))),
+    );
     for run in runs {
-        let counts = [number(run.counted().to_string()), number(run.failures.len().to_string())];
+        let numbers = [number(run.counted().to_string()), number(run.failures.len().to_string())];
         let values = columns.iter().map(|column| number(value(run, column)));
-        table.add_row(std::iter::once(Cell::new(label(run, runs))).chain(counts).chain(values));
+        let numbers = numbers.into_iter().filter(|_| counts);
+        table.add_row(std::iter::once(Cell::new(label(run, runs))).chain(numbers).chain(values));
     }
     table.set_content_arrangement(ContentArrangement::Disabled);
     table
 }
 
-fn text(runs: &[&Summary]) -> String {
-    let mut table = body(runs, "\n");
+/// The columns of the table that `runs` share.
+fn columns_of(runs: &[&Summary]) -> Vec<&'static Column> {
+    runs.first().map(|run| columns(&run.protocol).collect()).unwrap_or_default()
+}
+
+fn text(runs: &[&Summary], width: usize) -> String {
+    let all = columns_of(runs);
+    let (mut blocks, mut begin) = (Vec::new(), 0);
+    while begin < all.len() || blocks.is_empty() {
+        let counts = blocks.is_empty();
+        let lines = |end: usize| lines(body(runs, &all[begin..end], counts, "\n"));
+        let fits = |end: &usize| lines(*end).iter().all(|line| line.chars().count() <= width);
+        // At least one column, however narrow the terminal.
+        let least = (begin + 1).min(all.len());
+        let end = (least..=all.len()).rev().find(fits).unwrap_or(least);
+        blocks.push(lines(end).join("\n"));
+        begin = end;
+    }
+    format!("{}\n\n{}\n{}", title(runs), blocks.join("\n\n"), notes(runs, ""))
+}
+
+fn lines(mut table: Table) -> Vec<String> {
     table.load_preset(presets::NOTHING);
     table.set_style(comfy_table::TableComponent::HeaderLines, '─');
     for column in table.column_iter_mut() {
         column.set_padding((0, 1));
     }
-    let lines: Vec<String> = table.lines().map(|line| line.trim_end().to_owned()).collect();
-    format!("{}\n\n{}\n{}", title(runs), lines.join("\n"), notes(runs, ""))
+    table.lines().map(|line| line.trim_end().to_owned()).collect()
 }
 
 fn markdown(runs: &[&Summary]) -> String {
-    let mut table = body(runs, " ");
+    let mut table = body(runs, &columns_of(runs), true, " ");
     table.load_preset(presets::ASCII_MARKDOWN);
     format!("**{}**\n\n{table}\n{}", title(runs), notes(runs, "- "))
 }
@@ -185,7 +207,7 @@ fn notes(runs: &[&Summary], bullet: &str) -> String {
 
 fn csv(runs: &[&Summary]) -> String {
     let mut lines = String::from("run,driver,protocol,motion,settings,episodes,failed");
-    let columns: Vec<&Column> = runs.first().map(|run| columns(&run.protocol).collect()).unwrap_or_default();
+    let columns = columns_of(runs);
     columns.iter().for_each(|column| lines += &format!(",{}", column.1));
     lines.push('\n');
     for run in runs {
@@ -203,18 +225,21 @@ fn csv(runs: &[&Summary]) -> String {
 }
 
 /// A CSV field (RFC 4180).
-fn quoted(text: &str) -> String {
+pub(crate) fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use std::path::PathBuf;
 
     use super::*;
     use results::summary::Failure;
 
-    fn run(driver: &str, motion: &str, folder: &str) -> Summary {
+    /// Nothing is folded.
+    const WIDE: usize = 200;
+
+    pub(crate) fn run(driver: &str, motion: &str, folder: &str) -> Summary {
         let means = COLUMNS.iter().enumerate().map(|(index, column)| {
             let value = match column.3 {
                 Show::Percent => 0.125,
@@ -250,7 +275,7 @@ mod tests {
 
     #[test]
     fn one_run_is_a_titled_table_with_its_failures_below() {
-        insta::assert_snapshot!(render(&[failing()], TableFormat::Text), @"
+        insta::assert_snapshot!(render(&[failing()], TableFormat::Text, WIDE), @"
         driver idm, protocol strict, motion bicycle, 8 scenes
 
         driver  epi-        colli-    at   off  off   red  pro-   acc.   jerk   lat. error error error nuPlan
@@ -266,13 +291,23 @@ mod tests {
     }
 
     #[test]
+    fn a_table_that_is_too_wide_is_folded() {
+        let runs = [run("constant-velocity", "bicycle", "runs/x"), failing()];
+        let folded = render(&runs, TableFormat::Text, 80);
+        insta::assert_snapshot!(folded, @"");
+        assert!(folded.lines().take_while(|line| !line.starts_with('*')).all(|line| line.chars().count() <= 80));
+        let narrowest = render(&runs, TableFormat::Text, 1);
+        assert_eq!(narrowest.matches("constant-velocity").count(), COLUMNS.len());
+    }
+
+    #[test]
     fn runs_stand_side_by_side_and_namesakes_are_told_apart() {
         let runs = [
             run("human", "bicycle", "runs/human-strict-1"),
             run("human", "playback", "runs/human-strict-2"),
             run("constant-velocity", "bicycle", "runs/x"),
         ];
-        insta::assert_snapshot!(render(&runs, TableFormat::Text), @"
+        insta::assert_snapshot!(render(&runs, TableFormat::Text, WIDE), @"
         protocol strict, 8 scenes
 
         driver             epi-        colli-    at   off  off   red  pro-   acc.   jerk   lat. error error error nuPlan
@@ -283,7 +318,7 @@ mod tests {
         human (playback)      8      0   12.5  12.5  12.5 12.5  12.5  16.7 14.286 12.500 11.111 10.00  9.09  8.33  7.692
         constant-velocity     8      0   12.5  12.5  12.5 12.5  12.5  16.7 14.286 12.500 11.111 10.00  9.09  8.33  7.692
         ");
-        insta::assert_snapshot!(render(&runs, TableFormat::Markdown), @"
+        insta::assert_snapshot!(render(&runs, TableFormat::Markdown, WIDE), @"
         **protocol strict, 8 scenes**
 
         | driver            | episodes | failed | collision % | at fault % | off route % | off road % | red light % | progress m | acc. m/s² | jerk m/s³ | lat. acc. m/s² | error @3 s m | error @5 s m | error @10 s m | nuPlan score |
@@ -298,17 +333,17 @@ mod tests {
     fn settings_that_are_not_as_usual_are_named_and_never_mixed_in_silence() {
         let mut short = run("idm", "bicycle", "runs/short");
         short.changes = vec!["horizon = 80".to_owned()];
-        let title = |runs: &[Summary]| render(runs, TableFormat::Text).lines().next().unwrap().to_owned();
+        let title = |runs: &[Summary]| render(runs, TableFormat::Text, WIDE).lines().next().unwrap().to_owned();
         assert_eq!(title(&[short.clone()]), "driver idm, protocol strict, motion bicycle, horizon = 80, 8 scenes");
         let usual = run("human", "bicycle", "runs/usual");
         let expected = "protocol strict, motion bicycle, different settings: not to be compared, 8 scenes";
         assert_eq!(title(&[usual, short.clone()]), expected);
-        assert!(render(&[short], TableFormat::Csv).contains(",bicycle,horizon = 80,8,0,"));
+        assert!(render(&[short], TableFormat::Csv, WIDE).contains(",bicycle,horizon = 80,8,0,"));
     }
 
     #[test]
     fn csv_has_full_precision_and_leaves_out_what_is_not_defined() {
-        insta::assert_snapshot!(render(&[failing()], TableFormat::Csv), @"
+        insta::assert_snapshot!(render(&[failing()], TableFormat::Csv, WIDE), @"
         run,driver,protocol,motion,settings,episodes,failed,collision_percent,at_fault_collision_percent,off_route_percent,off_road_percent,red_light_percent,progress_m,mean_abs_acceleration_mps2,mean_abs_jerk_mps3,mean_abs_lateral_acceleration_mps2,position_error_3s_m,position_error_5s_m,position_error_10s_m,nuplan_score
         runs/idm-strict-1,idm,strict,bicycle,,7,1,12.5,12.5,12.5,12.5,12.5,16.666666666666668,14.285714285714286,12.5,11.11111111111111,10,1.5,,7.6923076923076925
         ");
@@ -333,7 +368,7 @@ mod tests {
             };
             wide.means.insert(column.2.to_owned(), Some(mean));
         }
-        for line in render(&[wide], TableFormat::Text).lines() {
+        for line in render(&[wide], TableFormat::Text, WIDE).lines() {
             assert!(line.chars().count() <= 120, "{}: {line}", line.chars().count());
         }
     }
@@ -342,7 +377,7 @@ mod tests {
     fn under_paper_there_are_the_papers_columns_alone() {
         let mut paper = run("idm", "first-pose", "runs/p");
         paper.protocol = "paper".to_owned();
-        insta::assert_snapshot!(render(&[paper], TableFormat::Text), @"
+        insta::assert_snapshot!(render(&[paper], TableFormat::Text, WIDE), @"
         driver idm, protocol paper, motion first-pose, 8 scenes
 
         driver  epi-        colli-   off  pro-   acc.   jerk   lat. error error error
@@ -357,8 +392,11 @@ mod tests {
     fn protocols_are_never_in_one_table() {
         let mut paper = run("idm", "first-pose", "runs/p");
         paper.protocol = "paper".to_owned();
-        let tables =
-            render(&[run("idm", "bicycle", "runs/s"), paper, run("human", "playback", "runs/h")], TableFormat::Text);
+        let tables = render(
+            &[run("idm", "bicycle", "runs/s"), paper, run("human", "playback", "runs/h")],
+            TableFormat::Text,
+            WIDE,
+        );
         let titles: Vec<&str> = tables.lines().filter(|line| line.contains("protocol ")).collect();
         assert_eq!(titles, ["protocol strict, 8 scenes", "driver idm, protocol paper, motion first-pose, 8 scenes"]);
     }

@@ -4,8 +4,8 @@
     python -m venv venv && venv/bin/pip install eclipse-zenoh==1.10.2 grpcio-tools
     sim run --planner-command 'venv/bin/python examples/python/planner.py'
 
-`sim run` starts one process for each worker and tells it by arguments, and by RELOOP_ENDPOINT, RELOOP_RUN and
-RELOOP_WORKER, where to connect. docs/bus.md describes the keys and the messages; wire/proto/reloop.proto is the contract.
+`sim run` starts one process for each worker and tells it by arguments, and by RELOOP_ENDPOINT, RELOOP_RUN,
+RELOOP_WORKER and RELOOP_NAME, where to connect. docs/bus.md describes the keys and the messages; wire/proto/reloop.proto is the contract.
 """
 
 import argparse
@@ -59,7 +59,7 @@ def options():
     parser.add_argument("--endpoint", default=os.environ.get("RELOOP_ENDPOINT"))
     parser.add_argument("--run", default=os.environ.get("RELOOP_RUN"))
     parser.add_argument("--worker", default=os.environ.get("RELOOP_WORKER", "*"))
-    parser.add_argument("--name", default=f"python-{os.getpid()}")
+    parser.add_argument("--name", default=os.environ.get("RELOOP_NAME", f"python-{os.getpid()}"))
     return parser.parse_known_args()[0]
 
 

@@ -7,7 +7,7 @@ use planner_node::{GaussNewtonOptions, PlannerKind, Weights};
 
 /// Serves a planner on the bus of a run
 #[derive(Debug, Parser)]
-#[command(name = "planner-node", version, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+#[command(name = "planner-node", args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct Cli {
     #[command(flatten)]
     pub serve: Option<Serve>,

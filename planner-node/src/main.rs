@@ -2,21 +2,20 @@
 
 mod cli;
 
-use std::io::{ErrorKind, IsTerminal as _, Write};
+use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
 use anyhow::{Context, bail};
-use clap::Parser;
 use planner_node::explain::explain;
 use planner_node::verify::verify;
 use tracing_subscriber::EnvFilter;
 use wire::node::Stop;
 
 fn main() -> ExitCode {
-    let cli = cli::Cli::parse();
+    let cli = terminal::parse::<cli::Cli>(terminal::REVISION);
     tracing_subscriber::fmt()
         .with_env_filter(EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn,zenoh=error")))
-        .with_ansi(std::io::stderr().is_terminal())
+        .with_ansi(terminal::colours(&std::io::stderr()))
         .with_writer(std::io::stderr)
         .init();
     match run(cli) {

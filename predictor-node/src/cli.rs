@@ -5,7 +5,7 @@ use predictor_node::{PredictorKind, TurnRate};
 
 /// Serves a predictor on the bus of a run
 #[derive(Debug, Parser)]
-#[command(name = "predictor-node", version)]
+#[command(name = "predictor-node")]
 pub struct Cli {
     /// Which predictor
     #[arg(long, value_enum)]

@@ -2,19 +2,17 @@
 
 mod cli;
 
-use std::io::IsTerminal as _;
 use std::process::ExitCode;
 
 use anyhow::Context;
-use clap::Parser;
 use tracing_subscriber::EnvFilter;
 use wire::node::Stop;
 
 fn main() -> ExitCode {
-    let cli = cli::Cli::parse();
+    let cli = terminal::parse::<cli::Cli>(terminal::REVISION);
     tracing_subscriber::fmt()
         .with_env_filter(EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn,zenoh=error")))
-        .with_ansi(std::io::stderr().is_terminal())
+        .with_ansi(terminal::colours(&std::io::stderr()))
         .with_writer(std::io::stderr)
         .init();
     match serve(&cli) {

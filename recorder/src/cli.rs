@@ -8,7 +8,7 @@ use recorder::recording::Format;
 
 /// Writes episodes down as MCAP and Rerun files, and shows what recordings hold.
 #[derive(Parser)]
-#[command(name = "recorder", version, about, max_term_width = 100)]
+#[command(name = "recorder", about, max_term_width = 100)]
 pub struct Cli {
     #[command(subcommand)]
     pub command: Command,

@@ -2,11 +2,10 @@
 
 mod cli;
 
-use std::io::{ErrorKind, IsTerminal as _, Write as _};
+use std::io::{ErrorKind, Write as _};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use clap::Parser as _;
 use tracing_subscriber::EnvFilter;
 use wire::node::Stop;
 
@@ -18,9 +17,9 @@ const INTERRUPTED: u8 = 130;
 
 fn main() -> ExitCode {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn,zenoh=error"));
-    let ansi = std::io::stderr().is_terminal();
+    let ansi = terminal::colours(&std::io::stderr());
     tracing_subscriber::fmt().with_env_filter(filter).with_ansi(ansi).with_writer(std::io::stderr).init();
-    let result = match Cli::parse().command {
+    let result = match terminal::parse::<Cli>(terminal::REVISION).command {
         Command::Record(arguments) => record_run(arguments),
         Command::Export(arguments) => export_file(&arguments),
         Command::Info(arguments) => show_info(&arguments),

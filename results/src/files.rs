@@ -43,9 +43,13 @@ pub fn read(path: &Path) -> Result<Option<Vec<u8>>, FileError> {
 pub fn write_whole(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> Result<(), FileError> {
     let partial = partial_name(path);
     let mut file = File::create(&partial).map_err(at("create", &partial))?;
-    write(&mut file).and_then(|()| file.flush()).map_err(at("write", &partial))?;
-    file.sync_all().map_err(at("write", &partial))?;
+    let written = write(&mut file).and_then(|()| file.flush()).and_then(|()| file.sync_all());
     drop(file);
+    if let Err(error) = written {
+        // On a full disk it would hold the room that the next attempt needs.
+        let _ = fs::remove_file(&partial);
+        return Err(at("write", &partial)(error));
+    }
     fs::rename(&partial, path).map_err(at("rename", &partial))?;
     path.parent().map_or(Ok(()), sync_folder)
 }

@@ -4,7 +4,9 @@
 //! run.toml           the settings; written first
 //! parts/<scene>.part one finished episode each; gone when the run is complete
 //! episodes/          the recordings
-//! steps.parquet, timing.parquet, results.parquet      written last, in this order: a run with results.parquet is complete
+//! steps.parquet, timing.parquet, results.parquet      written when all episodes are done
+//! digest             of these files; written last: a run with a digest is complete
+//! logs/              what the nodes said
 //! .lock              held while a sim works in it
 //! ```
 
@@ -12,9 +14,9 @@ use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use prost::Message;
 use thiserror::Error;
 
+use crate::digest::DIGEST;
 use crate::files::{self, FileError, at};
 use crate::part::Part;
 use crate::settings::{RunFile, SettingsError};
@@ -32,7 +34,7 @@ pub enum FolderError {
     RunFile { path: PathBuf, source: SettingsError },
     #[error("{} is not empty and holds no run\nhint: give another folder with --out", .0.display())]
     NotARun(PathBuf),
-    #[error("{} is a file, but a run is a folder\nhint: give another name with --out", .0.display())]
+    #[error("{} is there and no folder, but a run is one\nhint: give another name with --out", .0.display())]
     NotAFolder(PathBuf),
     #[error("another sim works in {}\nhint: wait for it, or give another folder with --out", .0.display())]
     Busy(PathBuf),
@@ -66,7 +68,8 @@ impl Folder {
     /// # Errors
     /// [`FolderError`] where it holds something else.
     pub fn open(path: &Path, file: &RunFile) -> Result<Opened, FolderError> {
-        if path.is_file() {
+        // Also a device: whoever says /dev/null wants no folder at all, and cannot have that.
+        if path.exists() && !path.is_dir() {
             return Err(FolderError::NotAFolder(path.to_owned()));
         }
         fs::create_dir_all(path).map_err(at("create", path))?;
@@ -91,17 +94,18 @@ impl Folder {
     }
 
     /// The folder for the run `file` among `runs`: `DRIVER-PROTOCOL-N`, the last one if it is this very run and unfinished,
-    /// else the next number.
+    /// else the next number. With `finished`, the last one may be finished too.
     ///
     /// # Errors
     /// [`FolderError`].
-    pub fn choose(runs: &Path, file: &RunFile) -> Result<Opened, FolderError> {
+    pub fn choose(runs: &Path, file: &RunFile, finished: bool) -> Result<Opened, FolderError> {
         let stem = format!("{}-{}", file.settings.driver, file.settings.protocol.name());
         let mut number = last_number(runs, &stem)?;
         if number > 0 {
             let path = runs.join(format!("{stem}-{number}"));
             match Self::open(&path, file) {
                 Ok(opened @ (Opened::Unfinished(_) | Opened::New(_))) => return Ok(opened),
+                Ok(opened @ Opened::Finished(_)) if finished => return Ok(opened),
                 Ok(Opened::Finished(_)) | Err(_) => {}
             }
         }
@@ -150,7 +154,17 @@ impl Folder {
     /// Whether the run in it is complete.
     #[must_use]
     pub fn is_finished(&self) -> bool {
-        self.file("results.parquet").exists()
+        self.file(DIGEST).exists()
+    }
+
+    /// Makes a finished run an unfinished one, of which some episodes are to be driven again.
+    ///
+    /// # Errors
+    /// [`FolderError`] where the disk fails.
+    pub fn reopen(&self) -> Result<(), FolderError> {
+        self.create_subfolders()?;
+        let digest = self.file(DIGEST);
+        Ok(fs::remove_file(&digest).map_err(at("remove", &digest))?)
     }
 
     fn create_subfolders(&self) -> Result<(), FolderError> {
@@ -175,12 +189,18 @@ impl Folder {
         Ok(bytes.and_then(|bytes| Part::from_bytes(&bytes, scene)))
     }
 
+    /// Whether there is a part of `scene` that cannot be read.
+    #[must_use]
+    pub fn has_damaged_part(&self, scene: &str) -> bool {
+        self.part_path(scene).exists() && self.part(scene).is_ok_and(|part| part.is_none())
+    }
+
     /// Stores a finished episode.
     ///
     /// # Errors
     /// [`FileError`] where the disk fails.
     pub fn store(&self, scene: &str, part: &Part) -> Result<(), FileError> {
-        let bytes = part.encode_to_vec();
+        let bytes = part.to_bytes();
         files::write_whole(&self.part_path(scene), |out| out.write_all(&bytes))
     }
 
@@ -195,6 +215,27 @@ impl Folder {
             _ => Ok(()),
         }
     }
+}
+
+/// Removes what a run left in `folder` that ended before its first episode did. Whatever else is there stays, and so does the
+/// folder then.
+pub fn remove_if_nothing_is_done(folder: &Path) {
+    let is_part = |name: &str| name.ends_with(".part");
+    let parts = fs::read_dir(folder.join("parts"));
+    let any_part = parts.is_ok_and(|mut entries| {
+        entries.any(|entry| entry.is_ok_and(|entry| is_part(&entry.file_name().to_string_lossy())))
+    });
+    if any_part || folder.join("results.parquet").exists() {
+        return;
+    }
+    // Nothing of this may be there, and nothing can be done about what does not go.
+    for name in ["parts", "episodes", "logs"] {
+        let _ = fs::remove_dir_all(folder.join(name));
+    }
+    for name in ["run.toml", ".lock"] {
+        let _ = fs::remove_file(folder.join(name));
+    }
+    let _ = fs::remove_dir(folder);
 }
 
 /// The settings of the run in `folder`; none where there is no run.
@@ -245,7 +286,7 @@ mod tests {
     }
 
     fn finish(folder: &Folder) {
-        fs::write(folder.file("results.parquet"), "rows").unwrap();
+        fs::write(folder.file(DIGEST), "sums").unwrap();
     }
 
     #[test]
@@ -273,9 +314,19 @@ mod tests {
         let Opened::New(folder) = Folder::open(root.path(), &run_file()).unwrap() else { panic!("it is new") };
         fs::write(folder.part_path("a"), [0xff; 9]).unwrap();
         assert_eq!(folder.part("a").unwrap(), None);
+        assert!(folder.has_damaged_part("a"));
         folder.store("a", &part("b")).unwrap();
         assert_eq!(folder.part("a").unwrap(), None);
+        folder.store("a", &part("a")).unwrap();
+        let mut bytes = fs::read(folder.part_path("a")).unwrap();
+        for at in 0..bytes.len() {
+            bytes[at] ^= 0x10;
+            fs::write(folder.part_path("a"), &bytes).unwrap();
+            assert_eq!(folder.part("a").unwrap(), None, "byte {at}");
+            bytes[at] ^= 0x10;
+        }
         assert_eq!(folder.part("never driven").unwrap(), None);
+        assert!(!folder.has_damaged_part("never driven"));
     }
 
     #[test]
@@ -308,9 +359,30 @@ mod tests {
     }
 
     #[test]
+    fn a_run_without_an_episode_leaves_nothing_and_nothing_else_is_touched() {
+        let root = tempfile::tempdir().unwrap();
+        let path = root.path().join("run");
+        drop(Folder::open(&path, &run_file()).unwrap());
+        remove_if_nothing_is_done(&path);
+        assert!(!path.exists());
+
+        let Opened::New(folder) = Folder::open(&path, &run_file()).unwrap() else { panic!("it is new") };
+        fs::write(path.join("notes.txt"), "mine").unwrap();
+        remove_if_nothing_is_done(&path);
+        assert!(path.join("notes.txt").exists() && !path.join("run.toml").exists());
+
+        fs::remove_file(path.join("notes.txt")).unwrap();
+        drop(folder);
+        let Opened::New(folder) = Folder::open(&path, &run_file()).unwrap() else { panic!("it is new") };
+        folder.store("a", &part("a")).unwrap();
+        remove_if_nothing_is_done(&path);
+        assert_eq!(folder.part("a").unwrap(), Some(part("a")));
+    }
+
+    #[test]
     fn a_run_without_a_folder_continues_its_last_one_or_takes_the_next_number() {
         let root = tempfile::tempdir().unwrap();
-        let choose = |file: &RunFile| match Folder::choose(root.path(), file).unwrap() {
+        let choose = |file: &RunFile| match Folder::choose(root.path(), file, false).unwrap() {
             Opened::New(folder) => (folder, "new"),
             Opened::Unfinished(folder) => (folder, "unfinished"),
             Opened::Finished(folder) => (folder, "finished"),
@@ -330,5 +402,8 @@ mod tests {
         assert_eq!(name(&choose(&run_file()).0), "idm-strict-3");
         assert_eq!(name(&choose(&patient(1.0)).0), "idm-strict-4", "the third is another run");
         assert_eq!(name(&choose(&human).0), "human-strict-1");
+        finish(&choose(&human).0);
+        let Opened::Finished(folder) = Folder::choose(root.path(), &human, true).unwrap() else { panic!("finished") };
+        assert_eq!(name(&folder), "human-strict-1");
     }
 }

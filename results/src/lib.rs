@@ -8,13 +8,16 @@
 //! | [`part`] | one finished episode, kept until the run is complete |
 //! | [`columns`] | the rows of each file: names, units, types |
 //! | [`parquet`] | written so that the same rows are the same bytes, and read back |
-//! | [`merge()`], [`digest`] | from parts to files, and what names their content |
+//! | [`merge()`], [`earlier`] | from parts to files; the rows of a run that is finished once more |
+//! | [`digest()`] | what names the content of a finished run, and tells when it was changed |
 //! | [`summary`] | a finished run in one line |
 //! | [`files`] | whole under their final name or not there at all |
 //! | [`version`] | which build this is |
 
 pub mod columns;
+pub mod digest;
 pub mod drivers;
+pub mod earlier;
 pub mod files;
 pub mod folder;
 mod merge;
@@ -24,4 +27,5 @@ pub mod settings;
 pub mod summary;
 pub mod version;
 
-pub use merge::{digest, merge};
+pub use digest::digest;
+pub use merge::merge;

@@ -1,23 +1,24 @@
 //! The parts of a run, merged into its files when the last episode is done.
 
-use std::path::Path;
+use std::sync::Arc;
 
 use arrow_array::RecordBatch;
 use arrow_schema::ArrowError;
 
 use crate::columns::{self, Common};
-use crate::files::{self, FileError};
+use crate::digest;
+use crate::earlier::Earlier;
 use crate::folder::Folder;
 use crate::parquet::{self, ParquetError};
 use crate::part::Part;
 use crate::settings::{RunFile, SceneLine};
 
-/// Merges the parts of a run, in the order of its scenes, into its three files; `results.parquet` last, for it says that the
-/// run is complete.
+/// Merges the parts of a run, in the order of its scenes, into its three files, and then writes its digest, which says that the
+/// run is complete. An episode without a part has the rows that it had in `earlier`.
 ///
 /// # Errors
 /// [`ParquetError`] where the disk fails.
-pub fn merge(folder: &Folder, file: &RunFile) -> Result<(), ParquetError> {
+pub fn merge(folder: &Folder, file: &RunFile, earlier: Option<&Earlier>) -> Result<(), ParquetError> {
     let common = Common {
         driver: &file.settings.driver,
         protocol: file.settings.protocol.name(),
@@ -26,30 +27,29 @@ pub fn merge(folder: &Folder, file: &RunFile) -> Result<(), ParquetError> {
     let write = |name: &str, rows: &dyn Fn(&SceneLine, &Part) -> Result<RecordBatch, ArrowError>| {
         let nothing = SceneLine { id: String::new(), sha256: String::new() };
         let schema = rows(&nothing, &Part::default())?.schema();
-        let batches = file.scenes.iter().map(|scene| {
-            let part = folder.part(&scene.id)?.ok_or_else(|| ParquetError::Part(scene.id.clone()))?;
-            Ok(rows(scene, &part)?)
+        let batches = file.scenes.iter().map(|scene| match (folder.part(&scene.id)?, earlier) {
+            (Some(part), _) => Ok(rows(scene, &part)?),
+            (None, Some(earlier)) if earlier.standing(&scene.id).is_some() => {
+                let kept = earlier.rows(name, &scene.id);
+                Ok(kept.unwrap_or_else(|| RecordBatch::new_empty(Arc::clone(&schema))))
+            }
+            (None, _) => Err(ParquetError::Part(scene.id.clone())),
         });
-        parquet::write(&folder.file(name), schema, batches)
+        parquet::write(&folder.file(name), Arc::clone(&schema), batches)
     };
     write("steps.parquet", &|_, part| columns::steps(common, part))?;
     write("timing.parquet", &columns::timing)?;
-    write("results.parquet", &|scene, part| columns::results(common, scene, part))
-}
-
-/// The digest of a finished run: SHA-256 over `results.parquet` and then `steps.parquet`, as
-/// `cat results.parquet steps.parquet | sha256sum` prints it.
-///
-/// # Errors
-/// [`FileError`] where they cannot be read.
-pub fn digest(folder: &Path) -> Result<String, FileError> {
-    let [results, steps] = ["results.parquet", "steps.parquet"].map(|name| folder.join(name));
-    files::sha256([&*results, &*steps])
+    write("results.parquet", &|scene, part| columns::results(common, scene, part))?;
+    Ok(digest::write(folder.path())?)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+    use std::path::Path;
+
     use super::*;
+    use crate::digest::digest;
     use crate::folder::Opened;
     use crate::part;
     use crate::settings::tests::run_file;
@@ -65,15 +65,19 @@ mod tests {
         Part { end: Some(end), records, logged, ..Part::default() }
     }
 
+    fn file() -> RunFile {
+        let scene = |id: &str| SceneLine { id: id.to_owned(), sha256: format!("hash of {id}") };
+        RunFile { scenes: vec![scene("b"), scene("a")], ..run_file() }
+    }
+
     /// A finished run of two episodes, one of which failed.
     fn finished(root: &Path) -> Folder {
-        let scene = |id: &str| SceneLine { id: id.to_owned(), sha256: format!("hash of {id}") };
-        let file = RunFile { scenes: vec![scene("b"), scene("a")], ..run_file() };
+        let file = file();
         let Ok(Opened::New(folder)) = Folder::open(root, &file) else { panic!("it is new") };
         // Stored in another order than the scenes have.
         folder.store("a", &part("a", 0)).unwrap();
         folder.store("b", &part("b", 3)).unwrap();
-        merge(&folder, &file).unwrap();
+        merge(&folder, &file, None).unwrap();
         folder
     }
 
@@ -109,12 +113,35 @@ mod tests {
     }
 
     #[test]
+    fn an_episode_driven_again_gives_the_files_that_it_would_have_given_at_once() {
+        let roots = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+        let undisturbed = finished(roots[0].path());
+        undisturbed.store("a", &part("a", 4)).unwrap();
+        merge(&undisturbed, &file(), None).unwrap();
+
+        let healed = finished(roots[1].path());
+        healed.remove_parts().unwrap();
+        let earlier = Earlier::read(&healed).unwrap().unwrap();
+        assert!(earlier.standing("a").unwrap().failed && !earlier.standing("b").unwrap().failed);
+        healed.reopen().unwrap();
+        assert!(!healed.is_finished());
+        healed.store("a", &part("a", 4)).unwrap();
+        merge(&healed, &file(), Some(&earlier)).unwrap();
+        for name in ["results.parquet", "steps.parquet", "timing.parquet", "digest"] {
+            assert!(
+                fs::read(healed.file(name)).unwrap() == fs::read(undisturbed.file(name)).unwrap(),
+                "{name} differs"
+            );
+        }
+    }
+
+    #[test]
     fn a_missing_part_is_named_and_leaves_no_results() {
         let root = tempfile::tempdir().unwrap();
         let scenes = vec![SceneLine { id: "a".to_owned(), sha256: String::new() }];
         let file = RunFile { scenes, ..run_file() };
         let Ok(Opened::New(folder)) = Folder::open(root.path(), &file) else { panic!("it is new") };
-        assert_eq!(merge(&folder, &file).unwrap_err().to_string(), "the part of a is missing");
+        assert_eq!(merge(&folder, &file, None).unwrap_err().to_string(), "the part of a is missing");
         assert!(!folder.is_finished());
     }
 }

@@ -6,7 +6,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use arrow_array::cast::AsArray;
-use arrow_array::types::Float64Type;
+use arrow_array::types::{Float64Type, UInt32Type};
 use arrow_array::{Array, RecordBatch};
 use arrow_schema::{DataType, SchemaRef};
 use parquet::arrow::ArrowWriter;
@@ -69,6 +69,7 @@ pub fn write(
 }
 
 /// A table, read whole.
+#[derive(Debug)]
 pub struct Table {
     path: PathBuf,
     batches: Vec<RecordBatch>,
@@ -87,6 +88,15 @@ impl Table {
         Ok(Self { path: path.to_owned(), batches })
     }
 
+    /// All rows together; none where it has no row.
+    ///
+    /// # Errors
+    /// [`ParquetError::Rows`].
+    pub fn whole(&self) -> Result<Option<RecordBatch>, ParquetError> {
+        let Some(first) = self.batches.first() else { return Ok(None) };
+        Ok(Some(arrow_select::concat::concat_batches(&first.schema(), &self.batches)?))
+    }
+
     /// A column of text.
     ///
     /// # Errors
@@ -102,6 +112,14 @@ impl Table {
     /// [`ParquetError::Column`].
     pub fn flags(&self, name: &str) -> Result<Vec<bool>, ParquetError> {
         self.column(name, &DataType::Boolean, |array| array.as_boolean().iter().map(|v| v == Some(true)).collect())
+    }
+
+    /// A column of counts.
+    ///
+    /// # Errors
+    /// [`ParquetError::Column`].
+    pub fn counts(&self, name: &str) -> Result<Vec<u32>, ParquetError> {
+        self.column(name, &DataType::UInt32, |array| array.as_primitive::<UInt32Type>().values().to_vec())
     }
 
     /// All columns of numbers, by name.

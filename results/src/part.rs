@@ -6,6 +6,9 @@ use wire::proto::{AgentState, EndReason, EpisodeEnd, Event, StepRecord};
 
 use crate::files::hexadecimal;
 
+/// Bytes of a part's checksum.
+const CHECKSUM: usize = 32;
+
 /// A finished episode. Protobuf, so that what is read back is what was written, to the bit.
 #[derive(Clone, PartialEq, Message)]
 pub struct Part {
@@ -36,6 +39,15 @@ pub struct Part {
     /// What took how long.
     #[prost(message, optional, tag = "9")]
     pub timing: Option<Timing>,
+}
+
+/// How an episode came out, as far as it matters for driving it again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Standing {
+    /// It has no result.
+    pub failed: bool,
+    /// Its recording is not whole.
+    pub unrecorded: bool,
 }
 
 /// The logged AV, if the log has it.
@@ -94,10 +106,23 @@ pub struct Timing {
 }
 
 impl Part {
-    /// A part from its file; none where the bytes are not one of `scene`.
+    /// As it stands in its file: the message, and its SHA-256 behind it.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = self.encode_to_vec();
+        let checksum = Sha256::digest(&bytes);
+        bytes.extend_from_slice(&checksum);
+        bytes
+    }
+
+    /// A part from its file; none where the bytes are not one of `scene`, or not as they were written.
     #[must_use]
     pub fn from_bytes(bytes: &[u8], scene: &str) -> Option<Self> {
-        let part = Self::decode(bytes).ok()?;
+        let (message, checksum) = bytes.split_at_checked(bytes.len().checked_sub(CHECKSUM)?)?;
+        if *Sha256::digest(message) != *checksum {
+            return None;
+        }
+        let part = Self::decode(message).ok()?;
         (part.end.as_ref()?.scene == scene && part.logged.len() == part.records.len()).then_some(part)
     }
 
@@ -111,6 +136,12 @@ impl Part {
     #[must_use]
     pub fn failed(&self) -> bool {
         matches!(self.reason(), EndReason::DriverFailed | EndReason::Undrivable | EndReason::Unspecified)
+    }
+
+    /// How it came out.
+    #[must_use]
+    pub fn standing(&self) -> Standing {
+        Standing { failed: self.failed(), unrecorded: !self.recording_error.is_empty() }
     }
 
     /// SHA-256 over the encoded end, records and events, each with its length before it.

@@ -72,7 +72,7 @@ pub enum Planner {
     Node(Node),
     /// A command of the user's.
     Command {
-        /// For the shell; a node's arguments are appended.
+        /// For the shell; a node's arguments are its `$@`.
         command: String,
         /// SHA-256, in hexadecimal digits, of the files that it names: a planner that was changed makes another run.
         #[serde(default)]

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use crate::digest::{DIGEST, DigestError, digest};
 use crate::folder::{FolderError, read_run_file};
 use crate::parquet::{ParquetError, Table};
 
@@ -16,6 +17,10 @@ pub enum SummaryError {
     Folder(#[from] FolderError),
     #[error(transparent)]
     Parquet(#[from] ParquetError),
+    #[error(transparent)]
+    Digest(#[from] DigestError),
+    #[error("{} is not there\nhint: runs are in the folder `runs`, unless --out named another", .0.display())]
+    Missing(PathBuf),
     #[error("{} holds no run: there is no run.toml in it", .0.display())]
     NoRun(PathBuf),
     #[error("the run in {} is not finished\nhint: repeat the command it was begun with, and it is continued", .0.display())]
@@ -62,11 +67,15 @@ impl Summary {
     /// # Errors
     /// [`SummaryError`] where there is none, or it is not finished.
     pub fn read(folder: &Path) -> Result<Self, SummaryError> {
+        if !folder.exists() {
+            return Err(SummaryError::Missing(folder.to_owned()));
+        }
         let file = read_run_file(folder)?.ok_or_else(|| SummaryError::NoRun(folder.to_owned()))?;
-        let results = folder.join("results.parquet");
-        if !results.exists() {
+        if !folder.join(DIGEST).exists() {
             return Err(SummaryError::Unfinished(folder.to_owned()));
         }
+        digest(folder)?;
+        let results = folder.join("results.parquet");
         let table = Table::read(&results)?;
         let scenes: Vec<_> = table.text("scene")?.into_iter().zip(table.text("scene_sha256")?).collect();
         let failed = table.flags("failed")?;

@@ -5,6 +5,3 @@ pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// The git revision it was built from, `-dirty` behind it where files were changed; `unknown` outside a checkout.
 pub const GIT_REVISION: &str = env!("RELOOP_GIT_REVISION");
-
-/// Both, for `--version`.
-pub const LONG: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("RELOOP_GIT_REVISION"), ")");

@@ -6,7 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 /// Look into scenes before they are driven.
 #[derive(Debug, Parser)]
-#[command(name = "scenarios", version, max_term_width = 100)]
+#[command(name = "scenarios", max_term_width = 100)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]

@@ -3,17 +3,15 @@
 mod cli;
 mod commands;
 
-use std::io::{self, ErrorKind, IsTerminal as _, Write};
+use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
-
-use clap::Parser;
 
 use cli::{Cli, Command};
 use commands::{Failure, export, inspect, lint, list};
 
 /// Exit codes: 0 done; 1 done, and something is gravely wrong with a scene; 2 wrong usage or unusable input.
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = terminal::parse::<Cli>(terminal::REVISION);
     start_log();
     let mut out = io::stdout().lock();
     let done = match &cli.command {
@@ -36,6 +34,6 @@ fn main() -> ExitCode {
 /// Logs go to standard error; `RUST_LOG=debug` shows more of them.
 fn start_log() {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "warn".into());
-    let ansi = io::stderr().is_terminal();
+    let ansi = terminal::colours(&io::stderr());
     tracing_subscriber::fmt().with_env_filter(filter).with_ansi(ansi).with_writer(io::stderr).without_time().init();
 }

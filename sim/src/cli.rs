@@ -8,11 +8,10 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use evaluation::table::TableFormat;
 use results::drivers::{DRIVERS, MotionName, Predictor};
 use results::settings::Record;
-use results::version;
 
 /// Drives an autonomous vehicle through logged traffic in closed loop, and tells how well it drove.
 #[derive(Debug, Parser)]
-#[command(name = "sim", version = version::LONG, about, arg_required_else_help = true, max_term_width = 110)]
+#[command(name = "sim", about, arg_required_else_help = true, max_term_width = 110)]
 pub struct Cli {
     /// Say more on standard error; twice for everything
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
@@ -56,7 +55,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "NAME", help_heading = "What to drive")]
     pub predictor: Option<Predictor>,
 
-    /// A planner of your own: a shell command; the arguments of a node are appended to it
+    /// A planner of your own: a shell command, with a node's arguments behind it or where it says "$@"
     #[arg(long, value_name = "COMMAND", conflicts_with = "planner", help_heading = "What to drive")]
     pub planner_command: Option<String>,
 
@@ -83,6 +82,10 @@ pub struct RunArgs {
     /// The run's folder [default: runs/DRIVER-PROTOCOL-N]; an unfinished run in it is continued
     #[arg(long, value_name = "DIR", help_heading = "How to run")]
     pub out: Option<PathBuf>,
+
+    /// Drive episodes of this run again: those that failed, those whose recording is not whole, or failed,unrecorded
+    #[arg(long, value_enum, value_name = "WHICH", value_delimiter = ',', help_heading = "How to run")]
+    pub retry: Vec<Retry>,
 
     /// Which episodes to keep a recording of
     #[arg(long, value_enum, default_value_t = Record::All, help_heading = "How to run")]
@@ -122,6 +125,12 @@ pub struct TableArgs {
     /// How to print
     #[arg(long, value_enum, default_value_t)]
     pub format: TableFormat,
+    /// A row a scene, the worst first: how it ended, and what happened with whom
+    #[arg(long)]
+    pub scenes: bool,
+    /// Only so many of the scenes
+    #[arg(long, value_name = "N", requires = "scenes")]
+    pub worst: Option<usize>,
 }
 
 /// `sim verify`.
@@ -133,6 +142,15 @@ pub struct VerifyArgs {
     /// Folder of the vectors: SCENE__route.npz, SCENE__human.npz, ...
     #[arg(long, value_name = "DIR")]
     pub vectors: PathBuf,
+}
+
+/// Episodes that are driven again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Retry {
+    /// Those without a result
+    Failed,
+    /// Those whose recording is not whole
+    Unrecorded,
 }
 
 /// Planners that the sim does not start.

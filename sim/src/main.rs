@@ -3,12 +3,12 @@
 //! Results go to standard output, everything else to standard error. Exit codes: 0 done; 1 done, with episodes that failed or
 //! are not recorded whole; 2 usage or unusable input; 130 interrupted.
 
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, Write};
 use std::num::NonZero;
 use std::process::ExitCode;
 use std::thread;
 
-use clap::Parser;
+use evaluation::scenes::{self, Scenes};
 use evaluation::table::{self, TableFormat};
 use results::summary::{Summary, SummaryError};
 use sim::cli::{Cli, Command, RunArgs, TableArgs, VerifyArgs};
@@ -22,7 +22,7 @@ use tracing_subscriber::EnvFilter;
 
 fn main() -> ExitCode {
     let clock = WallClock::start();
-    let cli = Cli::parse();
+    let cli: Cli = terminal::parse(terminal::REVISION);
     let console = Console::new();
     log_to(&console, cli.verbose);
     let done = match cli.command {
@@ -51,7 +51,7 @@ fn log_to(console: &Console, verbose: u8) {
         _ => "debug",
     };
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_ansi(io::stderr().is_terminal());
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_ansi(terminal::colours(&io::stderr()));
     log.with_writer(console.clone()).without_time().init();
 }
 
@@ -62,7 +62,7 @@ fn drive(arguments: RunArgs, clock: WallClock, console: &Console) -> anyhow::Res
     let done = run::run(&request, clock, console, &interrupts)?;
     let summary = Summary::read(&done.folder)?;
     let clean = summary.failures.is_empty() && summary.broken_recordings.is_empty();
-    print(&table::render(&[summary], TableFormat::Text))?;
+    print(&table::render(&[summary], TableFormat::Text, width()))?;
     print(&format!("\nfolder {}\ndigest {}\n", done.folder.display(), results::digest(&done.folder)?))?;
     if request.timing {
         console.line(&done.breakdown.lines(clock.now().as_secs_f64()));
@@ -70,20 +70,43 @@ fn drive(arguments: RunArgs, clock: WallClock, console: &Console) -> anyhow::Res
     Ok(if clean { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-/// Prints the finished runs; others are named and cost the exit code.
+/// Prints the finished runs; what is not finished is passed over where others are.
 fn print_tables(arguments: &TableArgs, console: &Console) -> anyhow::Result<ExitCode> {
-    let mut runs = Vec::new();
+    let (mut runs, mut unfinished) = (Vec::new(), Vec::new());
     for folder in &arguments.runs {
         match Summary::read(folder) {
             Ok(run) => runs.push(run),
-            Err(error @ SummaryError::Unfinished(_)) if arguments.runs.len() > 1 => {
-                console.line(&format!("left out: {error}"));
-            }
+            Err(error @ (SummaryError::Unfinished(_) | SummaryError::NoRun(_))) => unfinished.push((folder, error)),
             Err(error) => return Err(error.into()),
         }
     }
-    print(&table::render(&runs, arguments.format))?;
-    Ok(if runs.len() == arguments.runs.len() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    if runs.is_empty()
+        && let Some((_, error)) = unfinished.pop()
+    {
+        return Err(error.into());
+    }
+    if !unfinished.is_empty() {
+        let names: Vec<String> = unfinished.iter().map(|(folder, _)| folder.display().to_string()).collect();
+        console.line(&format!("note: passed over, because there is no finished run: {}", names.join(", ")));
+    }
+    if !arguments.scenes {
+        print(&table::render(&runs, arguments.format, width()))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let mut by_scene = Vec::new();
+    for run in runs {
+        let scenes = Scenes::read(&run.folder, arguments.worst)?;
+        by_scene.push((run, scenes));
+    }
+    print(&scenes::render(&by_scene, arguments.format, width()))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Columns of the terminal; where there is none, what `COLUMNS` says, else 80.
+fn width() -> usize {
+    let terminal = terminal_size::terminal_size_of(io::stdout()).map(|(width, _)| usize::from(width.0));
+    let said = || std::env::var("COLUMNS").ok()?.parse().ok();
+    terminal.or_else(said).unwrap_or(80)
 }
 
 fn print_verdict(arguments: &VerifyArgs) -> anyhow::Result<ExitCode> {

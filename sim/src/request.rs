@@ -10,7 +10,7 @@ use results::files;
 use results::settings::{Machine, Node, Planner, Settings};
 use thiserror::Error;
 
-use crate::cli::{self, ProtocolName, RunArgs};
+use crate::cli::{self, ProtocolName, Retry, RunArgs};
 
 /// How long nodes that the sim starts may take to be there.
 const PATIENCE_WITH_NODES: Duration = Duration::from_secs(20);
@@ -27,6 +27,8 @@ pub struct Request {
     pub machine: Machine,
     /// The folder, if it was asked for.
     pub out: Option<PathBuf>,
+    /// Which of its episodes are to be driven again, if they were driven.
+    pub retry: Vec<Retry>,
     /// Whether to say where the time went.
     pub timing: bool,
 }
@@ -122,7 +124,7 @@ impl Request {
             endpoint: arguments.endpoint,
             scenarios: if arguments.paths.is_empty() { arguments.scenarios } else { arguments.paths },
         };
-        Ok(Self { settings, machine, out: arguments.out, timing: arguments.timing })
+        Ok(Self { settings, machine, out: arguments.out, retry: arguments.retry, timing: arguments.timing })
     }
 }
 

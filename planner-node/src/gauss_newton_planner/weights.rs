@@ -1,6 +1,8 @@
 //! Where the weights of the cost terms come from.
 
-use std::path::PathBuf;
+use std::fs::File;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use gauss_newton::constants::{HAND_TUNED, TERMS, Term};
@@ -49,10 +51,13 @@ pub enum WeightsError {
     },
 }
 
+/// What a file of weights may hold.
+const MOST_BYTES: u64 = 64 << 10;
+
 /// A file of weights.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct File {
+struct Given {
     speed: f64,
     acceleration: f64,
     jerk: f64,
@@ -74,8 +79,8 @@ impl FromStr for Weights {
             _ => {}
         }
         let path = PathBuf::from(text);
-        let text = std::fs::read_to_string(&path).map_err(|source| WeightsError::Io { path: path.clone(), source })?;
-        let f: File =
+        let text = read(&path).map_err(|source| WeightsError::Io { path: path.clone(), source })?;
+        let f: Given =
             toml::from_str(&text).map_err(|e| WeightsError::Toml { path: path.clone(), source: Box::new(e) })?;
         let weights = [
             f.speed,
@@ -93,6 +98,19 @@ impl FromStr for Weights {
             None => Ok(Self::Given(weights)),
         }
     }
+}
+
+/// The text of a file that is one, and no longer than nine numbers may be: a pipe may never begin and a device never end.
+fn read(path: &Path) -> std::io::Result<String> {
+    if !std::fs::metadata(path)?.is_file() {
+        return Err(std::io::Error::other("it is no ordinary file"));
+    }
+    let mut text = String::new();
+    File::open(path)?.take(MOST_BYTES + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > MOST_BYTES {
+        return Err(std::io::Error::other(format!("it is longer than {MOST_BYTES} bytes")));
+    }
+    Ok(text)
 }
 
 impl Weights {
@@ -134,6 +152,12 @@ mod tests {
             file(&text.replace("7.5", "nan")).unwrap_err().to_string().ends_with("the weight red_light is not finite")
         );
         assert!(matches!(file("speed = 1"), Err(WeightsError::Toml { .. })));
+        let long = format!("# {}\n{text}", "x".repeat(1 << 16));
+        assert!(file(&long).unwrap_err().to_string().contains("it is longer than 65536 bytes"));
+        for endless in ["/dev/zero", "/dev"] {
+            let refused = endless.parse::<Weights>().unwrap_err().to_string();
+            assert!(refused.contains("it is no ordinary file"), "{refused}");
+        }
         assert!(matches!("/nowhere".parse::<Weights>(), Err(WeightsError::Io { .. })));
     }
 }

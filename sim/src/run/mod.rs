@@ -11,9 +11,12 @@
 //! | [`core`] | what follows from what happened: pure |
 //! | [`worker`], [`recorder`] | the threads that do it |
 //! | [`drive`], [`bus`] | one episode, and its driver on the bus |
-//! | [`process`], [`console`], [`interrupt`], [`clock`] | nodes, standard error, Ctrl-C, time |
+//! | [`progress`] | which episodes are done, and which are to be driven |
+//! | [`process`], [`shell`], [`voice`], [`witness`] | nodes: started, heard, and how they ended |
+//! | [`console`], [`interrupt`], [`threads`], [`clock`] | standard error, Ctrl-C, panics, time |
 //! | [`timing`] | where the time went |
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,6 +24,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
+use results::digest::DigestError;
 use results::files::FileError;
 use results::folder::{Folder, FolderError, Opened};
 use results::parquet::ParquetError;
@@ -38,6 +42,7 @@ use self::clock::{Clock, WallClock};
 use self::console::Console;
 use self::core::{Core, Effects, Ending, Event};
 use self::interrupt::Interrupts;
+use self::progress::Progress;
 use self::timing::Breakdown;
 use self::worker::{Order, Shared};
 use crate::request::Request;
@@ -51,8 +56,13 @@ mod core_tests;
 pub mod drive;
 pub mod interrupt;
 pub mod process;
+pub mod progress;
 pub mod recorder;
+pub mod shell;
+pub mod threads;
 pub mod timing;
+pub mod voice;
+pub mod witness;
 pub mod worker;
 
 /// How long a run waits for its threads at the end, before it leaves them to the end of the program.
@@ -69,6 +79,8 @@ pub enum RunError {
     #[error(transparent)]
     File(#[from] FileError),
     #[error(transparent)]
+    Digest(#[from] DigestError),
+    #[error(transparent)]
     Bus(#[from] SessionError),
     #[error(transparent)]
     Name(#[from] KeyError),
@@ -76,10 +88,29 @@ pub enum RunError {
     Pin(std::io::Error),
     #[error(transparent)]
     Results(#[from] ParquetError),
-    #[error("{reason}\nnote: {done} of {scenes} episodes are done; the same command continues the run in {}", folder.display())]
-    Broken { reason: String, done: usize, scenes: usize, folder: PathBuf },
-    #[error("interrupted: {done} of {scenes} episodes are done; the same command continues the run in {}", folder.display())]
-    Interrupted { done: usize, scenes: usize, folder: PathBuf },
+    #[error("{reason}\nnote: {state}")]
+    Broken { reason: String, state: State },
+    #[error("interrupted: {state}")]
+    Interrupted { state: State },
+}
+
+/// How far a run came that is not complete.
+#[derive(Clone, Debug)]
+pub struct State {
+    done: usize,
+    scenes: usize,
+    folder: PathBuf,
+}
+
+impl fmt::Display for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { done, scenes, folder } = self;
+        let folder = folder.display();
+        if *done == 0 {
+            return write!(f, "no episode was driven, and no folder is left");
+        }
+        write!(f, "{done} of {scenes} episodes are done; the same command continues the run in {folder}")
+    }
 }
 
 /// A complete run.
@@ -107,30 +138,53 @@ pub fn run(request: &Request, clock: WallClock, console: &Console, interrupts: &
         machine: request.machine.clone(),
         scenes: scenes.entries().iter().map(line).collect(),
     };
+    let retry = &request.retry;
     let opened = match &request.out {
         Some(path) => Folder::open(path, &file)?,
-        None => Folder::choose(Path::new(results::folder::RUNS), &file)?,
+        None => Folder::choose(Path::new(results::folder::RUNS), &file, !retry.is_empty())?,
     };
-    let folder = match opened {
-        Opened::Finished(folder) => {
-            console.line(&format!("{} is finished already: nothing was driven", folder.path().display()));
-            return Ok(Done { folder: folder.path().to_owned(), breakdown: Breakdown::default() });
-        }
-        Opened::New(folder) | Opened::Unfinished(folder) => folder,
+    let (folder, finished) = match opened {
+        Opened::Finished(folder) => (folder, true),
+        Opened::New(folder) | Opened::Unfinished(folder) => (folder, false),
     };
-    let mut pending = Vec::new();
-    for (index, scene) in file.scenes.iter().enumerate() {
-        if folder.part(&scene.id)?.is_none() {
-            pending.push(index);
-        }
+    if finished {
+        // Nothing is built upon rows that somebody has changed.
+        results::digest(folder.path())?;
     }
+    let progress = if finished && retry.is_empty() { None } else { Some(Progress::read(&folder, &file, retry)?) };
+    let Some(progress) = progress.filter(|progress| !finished || !progress.pending.is_empty()) else {
+        console.line(&format!("{} is finished already: nothing was driven", folder.path().display()));
+        return Ok(Done { folder: folder.path().to_owned(), breakdown: Breakdown::default() });
+    };
+    if finished {
+        folder.reopen()?;
+    }
+    let path = folder.path().to_owned();
+    let done = drive_pending(scenes, file, folder, progress, clock, console, interrupts);
+    if done.is_err() {
+        results::folder::remove_if_nothing_is_done(&path);
+    }
+    done
+}
+
+/// Drives what is pending, and merges it with what is done.
+fn drive_pending(
+    scenes: SceneSet,
+    file: RunFile,
+    folder: Folder,
+    progress: Progress,
+    clock: WallClock,
+    console: &Console,
+    interrupts: &Interrupts,
+) -> Result<Done, RunError> {
+    let Progress { pending, damaged, earlier } = progress;
     let (total, path) = (file.scenes.len(), folder.path().to_owned());
+    for scene in damaged {
+        console.line(&format!("note: the stored episode of {scene} is damaged, and is driven again"));
+    }
     if pending.len() < total {
-        console.line(&format!(
-            "{}: {} of {total} episodes are done, the others follow",
-            path.display(),
-            total - pending.len()
-        ));
+        let done = total - pending.len();
+        console.line(&format!("{}: {done} of {total} episodes are done, the others follow", path.display()));
         if file.settings.planner == Planner::External {
             console.line("note: those were driven by the planner that was there then; is it still the same?");
         }
@@ -159,15 +213,20 @@ pub fn run(request: &Request, clock: WallClock, console: &Console, interrupts: &
     let ending = drive_all(&shared, pending.clone(), interrupts);
     console.end();
     let part = |scene: &SceneLine| shared.folder.part(&scene.id).ok().flatten();
-    let done = || shared.file.scenes.iter().filter_map(part).count();
+    let state = || {
+        let before = |scene: &SceneLine| earlier.as_ref().is_some_and(|earlier| earlier.standing(&scene.id).is_some());
+        let done = shared.file.scenes.iter().filter(|scene| part(scene).is_some() || before(scene)).count();
+        State { done, scenes: total, folder: path.clone() }
+    };
     match ending {
         Ending::Complete => {}
-        Ending::Broken(reason) => return Err(RunError::Broken { reason, done: done(), scenes: total, folder: path }),
-        Ending::Interrupted => return Err(RunError::Interrupted { done: done(), scenes: total, folder: path }),
+        Ending::Broken(reason) => return Err(RunError::Broken { reason, state: state() }),
+        Ending::Interrupted => return Err(RunError::Interrupted { state: state() }),
     }
     let mut breakdown = Breakdown::default();
     pending.iter().filter_map(|index| part(&shared.file.scenes[*index])).for_each(|part| breakdown.add(&part));
-    results::merge(&shared.folder, &shared.file)?;
+    results::merge(&shared.folder, &shared.file, earlier.as_ref())
+        .map_err(|error| RunError::Broken { reason: error.to_string(), state: state() })?;
     shared.folder.remove_parts()?;
     Ok(Done { folder: path, breakdown })
 }
@@ -235,18 +294,20 @@ struct Machinery {
 
 impl Machinery {
     fn start(shared: &Arc<Shared>, workers: usize, events: &SyncSender<Event>, interrupts: &Interrupts) -> Self {
-        let mut threads = Vec::new();
+        let mut running = Vec::new();
         let mut orders = Vec::new();
         for number in 0..workers {
             let (sender, receiver) = sync_channel(1);
-            let (shared, events) = (Arc::clone(shared), events.clone());
-            threads.push(thread::spawn(move || worker::work(number, &shared, &receiver, &events)));
+            let (shared, to) = (Arc::clone(shared), events.clone());
+            let work = move || worker::work(number, &shared, &receiver, &to);
+            running.push(threads::start(format!("worker {number}"), events.clone(), work));
             orders.push(sender);
         }
         let (recorder, receiver) = sync_channel(1);
-        let (own, events, groups) = (Arc::clone(shared), events.clone(), interrupts.recorder().clone());
-        threads.push(thread::spawn(move || recorder::keep(&own, &groups, &receiver, &events)));
-        Self { shared: Arc::clone(shared), workers: orders, recorder: Some(recorder), threads }
+        let (own, to, groups) = (Arc::clone(shared), events.clone(), interrupts.recorder().clone());
+        let work = move || recorder::keep(&own, &groups, &receiver, &to);
+        running.push(threads::start("the recorder's thread".to_owned(), events.clone(), work));
+        Self { shared: Arc::clone(shared), workers: orders, recorder: Some(recorder), threads: running }
     }
 
     /// Waits for the threads; each ends what it started. One that waits for a node which somebody else started may stay.

@@ -3,10 +3,9 @@
 //! - Each is the head of a process group of its own: Ctrl-C in the terminal reaches the sim alone, which decides; and whatever
 //!   a planner's command starts is ended with it.
 //! - Each has a pipe of the sim's as standard input. Nodes leave at its end, so also when the sim was killed.
-//! - What they write to standard error comes out on the sim's, line by line, under their name.
+//! - What they write to standard output and standard error comes out on the sim's standard error, and in a log.
 
 use std::collections::BTreeSet;
-use std::io::{BufRead, BufReader};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -18,7 +17,7 @@ use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
 use thiserror::Error;
 
-use super::console::Console;
+use super::voice::Voice;
 
 /// A process that cannot be started.
 #[derive(Debug, Error)]
@@ -66,6 +65,9 @@ pub struct Process {
     name: String,
     child: Child,
     groups: Groups,
+    voice: Voice,
+    /// How it ended, once it has.
+    ended: Option<String>,
 }
 
 impl Process {
@@ -73,22 +75,21 @@ impl Process {
     ///
     /// # Errors
     /// [`StartError`].
-    pub fn start(name: &str, mut command: Command, groups: &Groups, console: &Console) -> Result<Self, StartError> {
-        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped()).process_group(0);
+    pub fn start(name: &str, mut command: Command, groups: &Groups, voice: Voice) -> Result<Self, StartError> {
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).process_group(0);
         let failed = |source| StartError::Spawn { name: name.to_owned(), source };
         let mut child = command.spawn().map_err(failed)?;
         groups.lock().insert(child.id() as i32);
-        if let Some(errors) = child.stderr.take() {
-            let (name, console) = (name.to_owned(), console.clone());
-            // Ends with the process: at the end of its standard error.
-            thread::spawn(move || {
-                let mut lines = BufReader::new(errors).split(b'\n');
-                while let Some(Ok(line)) = lines.next() {
-                    console.line(&format!("{name}: {}", String::from_utf8_lossy(&line)));
-                }
-            });
+        // These threads end with the process, at the end of what it says.
+        if let Some(output) = child.stdout.take() {
+            let voice = voice.clone();
+            thread::spawn(move || voice.read(output));
         }
-        Ok(Self { name: name.to_owned(), child, groups: groups.clone() })
+        if let Some(errors) = child.stderr.take() {
+            let voice = voice.clone();
+            thread::spawn(move || voice.read(errors));
+        }
+        Ok(Self { name: name.to_owned(), child, groups: groups.clone(), voice, ended: None })
     }
 
     /// Its name.
@@ -99,9 +100,17 @@ impl Process {
 
     /// How it ended, if it has. What it started is ended with it.
     pub fn gone(&mut self) -> Option<String> {
-        let status = self.child.try_wait().ok().flatten()?;
-        self.end_group();
-        Some(describe(status))
+        if self.ended.is_none() {
+            let status = self.child.try_wait().ok().flatten()?;
+            self.end_group();
+            let how = describe(status);
+            // Whoever was asked to leave does so in peace.
+            if self.child.stdin.is_some() {
+                self.voice.note(&format!("{} {how}", self.name));
+            }
+            self.ended = Some(how);
+        }
+        self.ended.clone()
     }
 
     /// Kills the group once: when its head was waited for and nobody is left in it, its number may be given away.
@@ -130,9 +139,25 @@ impl Drop for Process {
 }
 
 fn describe(status: ExitStatus) -> String {
+    let name = |signal| Signal::try_from(signal).map_or_else(|_| format!("signal {signal}"), |name| name.to_string());
     match (status.code(), status.signal()) {
+        // So a shell says that what it ran was killed.
+        (Some(code @ 129..=159), _) => format!("exited with code {code}, as after {}", name(code - 128)),
         (Some(code), _) => format!("exited with code {code}"),
-        (None, Some(signal)) => format!("was killed by signal {signal}"),
+        (None, Some(signal)) => format!("was killed by {}", name(signal)),
         (None, None) => "ended".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_end_is_described_by_code_or_signal() {
+        let how = |wait_status| describe(ExitStatus::from_raw(wait_status));
+        assert_eq!(how(3 << 8), "exited with code 3");
+        assert_eq!(how(137 << 8), "exited with code 137, as after SIGKILL");
+        assert_eq!(how(11), "was killed by SIGSEGV");
     }
 }

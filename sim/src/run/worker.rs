@@ -15,7 +15,7 @@ use results::settings::Record;
 use results::settings::{Node, Planner, RunFile};
 use scenarios::SceneSet;
 use wire::cores::Cores;
-use wire::hub::{Hub, Wanted};
+use wire::hub::{BarrierError, Hub, Wanted};
 use wire::keys::{Role, Worker as WorkerName, Workers};
 use wire::proto::{AgentState, EndReason, EpisodeEnd};
 use world::scene::Scene;
@@ -26,6 +26,9 @@ use super::console::Console;
 use super::core::Event;
 use super::drive::{Driven, drive};
 use super::process::{Groups, Process, program};
+use super::shell;
+use super::voice::Voice;
+use super::witness::Witness;
 
 /// What the recorder may take to close an episode's file, beyond the deadline of an answer.
 const CLOSING: Duration = Duration::from_secs(30);
@@ -93,8 +96,12 @@ impl Shared {
         }
         // In the environment too, for a planner's command that is a script.
         command.env("NO_COLOR", "1").env("RELOOP_ENDPOINT", self.hub.endpoint()).env("RELOOP_RUN", &run);
+        command.env("RELOOP_EXIT_WITH_PARENT", "true");
         command.args(["--endpoint", self.hub.endpoint(), "--run", &run, "--exit-with-parent"]);
-        Process::start(process, command, groups, &self.console).map_err(|error| error.to_string())
+        // The logs of a worker's nodes are one: what they say belongs together.
+        let log = process.rsplit(' ').next().unwrap_or(process);
+        let voice = Voice::new(process, &self.console, self.folder.file("logs").join(format!("{log}.log")));
+        Process::start(process, command, groups, voice).map_err(|error| error.to_string())
     }
 
     /// Waits until a node is on the bus; `process` is looked at meanwhile, if the sim started it.
@@ -110,6 +117,9 @@ impl Shared {
             Ok(()) => Ok(()),
             Err(error) => Err(match (gone(), name) {
                 (Some(how), Some(name)) => format!("{name} {how} before it was on the bus"),
+                _ if matches!(error, BarrierError::Missing { .. }) => {
+                    format!("{error}\nhint: give it more time with --start-timeout; what it says itself stands above")
+                }
                 _ => error.to_string(),
             }),
         }
@@ -196,9 +206,8 @@ impl Worker<'_> {
     fn start_own_planner(&self, command: &str) -> Result<Process, String> {
         let (worker, name) = (self.name.to_string(), self.node_name());
         let mut shell = Command::new("sh");
-        // `exec`, so that the process is the planner itself; the shell splits and quotes the command as the user is used to.
-        shell.args(["-c", &format!("exec {command} \"$@\""), "sh", "--worker", &worker, "--name", &name]);
-        shell.env("RELOOP_WORKER", &worker);
+        shell.args(["-c", &shell::line(command), "sh", "--worker", &worker, "--name", &name]);
+        shell.env("RELOOP_WORKER", &worker).env("RELOOP_NAME", &name);
         self.shared.start_command(&format!("planner {worker}"), shell, &self.shared.groups)
     }
 
@@ -234,6 +243,9 @@ impl Worker<'_> {
         if shared.stop.load(Ordering::Relaxed) {
             return None;
         }
+        if is_full_disk(&part.recording_error) {
+            return Some(Event::Broken(part.recording_error));
+        }
         let driver_failed = part.reason() == EndReason::DriverFailed;
         let recorded = part.recorded && part.recording_error.is_empty();
         if let Err(error) = self
@@ -250,10 +262,11 @@ impl Worker<'_> {
         let settings = &shared.file.settings;
         let start = AgentState::from(&episode.observe().av);
         let start_log_index = episode.briefing().start;
-        let mut driver = match BusDriver::new(&shared.hub, &self.name, scene, settings, record.then_some(CLOSING)) {
+        let driver = match BusDriver::new(&shared.hub, &self.name, scene, settings, record.then_some(CLOSING)) {
             Ok(driver) => driver,
             Err(reason) => return Some(self.unreadable(scene.id().as_str(), &reason)),
         };
+        let mut driver = Witness { driver, nodes: &mut self.nodes };
         let Driven { outcome, recording, timing } = drive(episode, &mut driver, &shared.clock, &shared.stop)?;
         let wanted = settings.record != Record::None;
         let recording_error = match recording {
@@ -318,4 +331,9 @@ impl Worker<'_> {
         }
         Ok(())
     }
+}
+
+/// Whether this says that there is no room: the numbers of Linux's ENOSPC, EDQUOT and EFBIG, as Rust writes them.
+fn is_full_disk(error: &str) -> bool {
+    [28, 122, 27].iter().any(|number| error.contains(&format!("(os error {number})")))
 }

@@ -5,6 +5,8 @@
 //! | `demo.rs` | one command, a table, a folder; finished runs and other runs' folders are left alone |
 //! | `repeat.rs` | same command, same bytes, for any number of workers |
 //! | `killed.rs` | a killed run is continued, and comes out as if it had not been |
+//! | `healed.rs` | a retried run, and one whose disk was full, come out as if nothing had happened; changed files are named |
+//! | `planner_command.rs` | a planner's command is one for a shell; what it says is logged |
 //! | `nodes.rs` | nodes that die, stall or lie cost their own episode and nothing else |
 //! | `recorder.rs` | a recorder that dies costs recordings and no result |
 //! | `interrupt.rs` | Ctrl-C leaves nothing running |
@@ -18,10 +20,12 @@
 
 mod demo;
 mod future;
+mod healed;
 mod interrupt;
 mod killed;
 mod nodes;
 mod paper;
+mod planner_command;
 mod real_scenes;
 mod recorder;
 mod recording;

@@ -84,7 +84,7 @@ impl Stage {
     pub fn command(&self, arguments: &str) -> Command {
         let mut command = Command::new(program("sim"));
         command.args(arguments.split_whitespace()).current_dir(self.folder.path());
-        command.env(MARK, self.folder.path()).env_remove("RUST_LOG");
+        command.env(MARK, self.folder.path()).env_remove("RUST_LOG").env_remove("COLUMNS");
         if let Some(lie) = &self.lie {
             command.env("RELOOP_LIE", lie);
         }
@@ -157,6 +157,7 @@ impl Stage {
         for depends in [".lock", "timing.parquet", "run.toml"] {
             files.remove(depends);
         }
+        files.retain(|name, _| !name.starts_with("logs/"));
         files
     }
 }

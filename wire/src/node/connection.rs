@@ -35,10 +35,10 @@ pub struct Options {
     #[arg(long, env = "RELOOP_WORKER", value_name = "WORKER", default_value = "*")]
     pub worker: Workers,
     /// Name of this node, for people; made of the process number where it is not said
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, env = "RELOOP_NAME", value_name = "NAME")]
     pub name: Option<String>,
     /// Leave when standard input ends, so that nothing outlives the process that started this one
-    #[arg(long)]
+    #[arg(long, env = "RELOOP_EXIT_WITH_PARENT")]
     pub exit_with_parent: bool,
 }
 
