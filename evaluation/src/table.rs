@@ -294,7 +294,7 @@ pub(crate) mod tests {
     fn a_table_that_is_too_wide_is_folded() {
         let runs = [run("constant-velocity", "bicycle", "runs/x"), failing()];
         let folded = render(&runs, TableFormat::Text, 80);
-        insta::assert_snapshot!(folded, @"");
+        assert_eq!(folded.matches("constant-velocity").count(), 2, "{folded}");
         assert!(folded.lines().take_while(|line| !line.starts_with('*')).all(|line| line.chars().count() <= 80));
         let narrowest = render(&runs, TableFormat::Text, 1);
         assert_eq!(narrowest.matches("constant-velocity").count(), COLUMNS.len());
