@@ -55,7 +55,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "NAME", help_heading = "What to drive")]
     pub predictor: Option<Predictor>,
 
-    /// A planner of your own: a shell command, with a node's arguments behind it or where it says "$@"
+    /// A planner of your own: a shell command; the arguments of a node are appended to it
     #[arg(long, value_name = "COMMAND", conflicts_with = "planner", help_heading = "What to drive")]
     pub planner_command: Option<String>,
 

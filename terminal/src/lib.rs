@@ -31,16 +31,20 @@ pub fn parse<Cli: CommandFactory + FromArgMatches>(version: &'static str) -> Cli
     Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.format(&mut command).exit())
 }
 
-/// `command` with the subcommands `completions` and `man`.
+/// `command` with the subcommands `completions` and `man`; the help keeps to what is worked with.
 fn with_pages(command: Command) -> Command {
     let shell = Arg::new("shell").required(true).value_parser(clap::value_parser!(Shell)).help("For which shell");
     // A program without subcommands has needs that these do not share.
     let alone = command.get_subcommands().next().is_none();
-    let command =
-        if alone { command.subcommand_negates_reqs(true).args_conflicts_with_subcommands(true) } else { command };
-    command
-        .subcommand(Command::new("completions").about("Print a shell's completions of this program").arg(shell))
-        .subcommand(Command::new("man").about("Print the manual page of this program, for man -l -"))
+    let command = if alone {
+        command.subcommand_negates_reqs(true).args_conflicts_with_subcommands(true).disable_help_subcommand(true)
+    } else {
+        command
+    };
+    let completions =
+        Command::new("completions").about("Print a shell's completions of this program").hide(true).arg(shell);
+    let man = Command::new("man").about("Print the manual page of this program, for man -l -").hide(true);
+    command.subcommand(completions).subcommand(man)
 }
 
 /// What `completions` or `man` print; none where something else was asked for.
@@ -64,7 +68,9 @@ fn page(command: &mut Command, matches: &ArgMatches) -> Option<Vec<u8>> {
 fn manual(command: &mut Command, out: &mut Vec<u8>) -> io::Result<()> {
     command.build();
     clap_mangen::Man::new(command.clone()).render(out)?;
-    for subcommand in command.get_subcommands().filter(|subcommand| subcommand.get_name() != "help") {
+    for subcommand in
+        command.get_subcommands().filter(|subcommand| !subcommand.is_hide_set() && subcommand.get_name() != "help")
+    {
         let man = clap_mangen::Man::new(subcommand.clone().display_name(subcommand.get_bin_name().unwrap_or_default()));
         let section = format!(".SH \"{}\"\n", subcommand.get_bin_name().unwrap_or_default().to_uppercase());
         out.extend_from_slice(section.as_bytes());

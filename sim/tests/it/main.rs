@@ -75,6 +75,9 @@ fn help_says_what_can_be_typed() {
     How to run:
           --out <DIR>                 The run's folder [default: runs/DRIVER-PROTOCOL-N]; an unfinished
                                       run in it is continued
+          --retry <WHICH>             Drive episodes of this run again: those that failed, those
+                                      whose recording is not whole, or failed,unrecorded [possible
+                                      values: failed, unrecorded]
           --record <RECORD>           Which episodes to keep a recording of [default: all] [possible
                                       values: all, failures, none]
           --parallel <N>              Episodes driven at a time; results do not depend on it [default:
@@ -100,6 +103,8 @@ fn help_says_what_can_be_typed() {
 
     Options:
           --format <FORMAT>  How to print [default: text] [possible values: text, markdown, csv]
+          --scenes           A row a scene, the worst first: how it ended, and what happened with whom
+          --worst <N>        Only so many of the scenes
       -v, --verbose...       Say more on standard error; twice for everything
       -h, --help             Print help (see more with '--help')
     --- stderr
