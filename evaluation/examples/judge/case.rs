@@ -6,15 +6,27 @@ use episode::Episode;
 use episode::protocol::{Motion, Protocol, StrictSettings};
 use serde::Deserialize;
 use serde_json::{Map as Object, Value, json};
-use world::geometry::Point3;
+use world::geometry::{Point, Point3};
 use world::map::{Lane, LaneKind, Map, MapId, RoadEdge, RoadEdgeKind};
 use world::plan::{PLAN_STEPS, PlanState, UncheckedPlan};
-use world::scene::{AgentKind, Scene, SceneParts, Track, TrackId};
+use world::scene::{AgentKind, AgentState, Scene, SceneParts, Track, TrackId};
 
 /// x, y, heading, speed, length, width.
-type Row = [f64; 6];
+pub type Row = [f64; 6];
 
 type Error = Box<dyn std::error::Error>;
+
+/// The state that a row tells of.
+pub fn state([x, y, heading, speed, length, width]: Row) -> AgentState {
+    let velocity = Point::unit(heading) * speed;
+    let (velocity_x, velocity_y) = (velocity.x, velocity.y);
+    AgentState { x, y, z: 0.75, heading, velocity_x, velocity_y, length, width, height: 1.5 }
+}
+
+/// The rules of such a drive.
+pub fn settings() -> StrictSettings {
+    StrictSettings { motion: Motion::Playback, off_route_distance: 1e6, ..StrictSettings::default() }
+}
 
 /// The whole of it. Rows are at log indices from 0 on, `null` where nobody is; the AV's own states follow the start, which is log index 19
 /// of the human.
@@ -46,9 +58,7 @@ struct CaseLane {
 impl Case {
     /// Drives the AV along its states, in as wide a corridor as they need.
     pub fn drive(&self) -> Result<Value, Error> {
-        let settings =
-            StrictSettings { motion: Motion::Playback, off_route_distance: 1e6, ..StrictSettings::default() };
-        let mut episode = Episode::new(Arc::new(self.scene()?), &Protocol::Strict(settings))?;
+        let mut episode = Episode::new(self.scene()?, &Protocol::Strict(settings()))?;
         for (step, [x, y, heading, speed, ..]) in self.av.iter().copied().enumerate() {
             let states = vec![PlanState { x, y, heading, speed }; PLAN_STEPS];
             let step = u32::try_from(step)?;
@@ -70,7 +80,8 @@ impl Case {
         Ok(json!({ "metrics": metrics, "steps": steps.collect::<Vec<_>>() }))
     }
 
-    fn scene(&self) -> Result<Scene, Error> {
+    /// The scene without the AV's own states.
+    pub fn scene(&self) -> Result<Arc<Scene>, Error> {
         let line = |points: &[[f64; 2]]| points.iter().map(|[x, y]| Point3::new(*x, *y, 0.0)).collect();
         let lane = |lane: &CaseLane| Lane {
             id: MapId(lane.id),
@@ -91,7 +102,7 @@ impl Case {
         let track = |(index, rows): (usize, &Vec<Option<Row>>)| Track {
             id: TrackId(index as i32 + 1),
             kind: AgentKind::Vehicle,
-            states: (0..steps).map(|step| rows.get(step).copied().flatten().map(crate::world::state)).collect(),
+            states: (0..steps).map(|step| rows.get(step).copied().flatten().map(state)).collect(),
         };
         let parts = SceneParts {
             id: "case".to_owned(),
@@ -105,6 +116,6 @@ impl Case {
             },
             ..SceneParts::default()
         };
-        Ok(parts.check()?.0)
+        Ok(Arc::new(parts.check()?.0))
     }
 }

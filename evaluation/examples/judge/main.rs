@@ -4,7 +4,7 @@
 //! | question | answer |
 //! | --- | --- |
 //! | `{"op": "world", "scene": PATH}` | the first scene of that input as the judges see it: lanes as strips, road edges, everybody's states |
-//! | `{"op": "episode", ...}` | the metrics and the steps of a drive that is given state by state (`case.rs` has the fields) |
+//! | `{"op": "episode", ...}` | metrics, steps and world of a drive that is given state by state (`case.rs` has the fields) |
 //! | `{"op": "boxes", "av": ROW, "agent": ROW}` | contact and time to collision of two boxes |
 //! | `{"op": "track", "state": [x, y, heading, speed, steering], "plan": [[x, y, heading, speed], ...]}` | what the tracker commands |
 //!
@@ -20,13 +20,14 @@ use std::io::BufRead;
 use ::world::plan::{PlanState, STEP_SECONDS};
 use ::world::scene::{AgentKind, AgentState};
 use ::world::vehicle::{VehicleState, WHEELBASE};
+use case::Row;
 use episode::judges::Body;
 use episode::judges::collision::{classify, is_ahead, is_behind, overlaps};
 use episode::judges::time_to_collision::{TrafficAgent, time_to_collision};
+use episode::protocol::StrictSettings;
 use episode::tracker;
 use serde::Deserialize;
 use serde_json::{Value, json};
-use world::Row;
 
 type Error = Box<dyn std::error::Error>;
 
@@ -42,8 +43,12 @@ enum Question {
 fn main() -> Result<(), Error> {
     for line in std::io::stdin().lock().lines() {
         let answer = match serde_json::from_str(&line?)? {
-            Question::World { scene } => world::seen(&scene)?,
-            Question::Episode(case) => case.drive()?,
+            Question::World { scene } => world::seen(&world::read(&scene)?, &StrictSettings::default())?,
+            Question::Episode(case) => {
+                let mut answer = case.drive()?;
+                answer["world"] = world::seen(&case.scene()?, &case::settings())?;
+                answer
+            }
             Question::Boxes { av, agent } => boxes(av, agent),
             Question::Track { state, plan } => track(state, &plan),
         };
@@ -53,7 +58,7 @@ fn main() -> Result<(), Error> {
 }
 
 fn boxes(av: Row, agent: Row) -> Value {
-    let body = |row: Row| Body { speed: row[3], ..Body::of(AgentState { z: 0.0, ..world::state(row) }) };
+    let body = |row: Row| Body { speed: row[3], ..Body::of(AgentState { z: 0.0, ..case::state(row) }) };
     let (av, Body { state, outline, speed }) = (body(av), body(agent));
     let agent = TrafficAgent {
         track: 0,
