@@ -6,6 +6,7 @@ use scenarios::{SceneSet, SetError};
 use wire::node::{Planner, PlannerFactory, StepInput};
 use world::observation::Briefing;
 use world::plan::{PLAN_STEPS, PlanState, UncheckedPlan};
+use world::scene::bridged::Bridged;
 use world::scene::{AgentState, Scene};
 
 /// The planner `human`.
@@ -26,7 +27,9 @@ impl PlannerFactory for Human {
         let index = self.0.entries().iter().position(|entry| entry.id == briefing.scene);
         let index = index.ok_or_else(|| format!("scene {} is not in the scene set of this node", briefing.scene))?;
         let (scene, _) = self.0.load(index).map_err(|e| e.to_string())?;
-        Ok(Box::new(Log(scene)))
+        // `strict` fills in gaps of the log; `paper` takes it as it lies.
+        let paper = briefing.protocol == "paper";
+        Ok(Box::new(Log(if paper { scene } else { Arc::clone(Bridged::of(&scene).judged()) })))
     }
 }
 

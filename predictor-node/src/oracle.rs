@@ -8,6 +8,7 @@ use world::geometry::Pose;
 use world::observation::{Briefing, ObservedAgent};
 use world::plan::{Future, PLAN_STEPS, PredictedTrajectory, UncheckedPrediction};
 use world::scene::Scene;
+use world::scene::bridged::Bridged;
 
 /// The predictor `oracle`.
 pub struct Oracle(SceneSet);
@@ -27,7 +28,9 @@ impl PredictorFactory for Oracle {
         let index = self.0.entries().iter().position(|entry| entry.id == briefing.scene);
         let index = index.ok_or_else(|| format!("scene {} is not in the scene set of this node", briefing.scene))?;
         let (scene, _) = self.0.load(index).map_err(|e| e.to_string())?;
-        Ok(Box::new(Log(scene)))
+        // `strict` fills in gaps of the log; `paper` takes it as it lies.
+        let paper = briefing.protocol == "paper";
+        Ok(Box::new(Log(if paper { scene } else { Arc::clone(Bridged::of(&scene).judged()) })))
     }
 }
 
@@ -56,4 +59,38 @@ fn logged(scene: &Scene, agent: &ObservedAgent, now: usize) -> Result<PredictedT
         last
     });
     Ok(PredictedTrajectory { track: agent.track, poses: poses.collect() })
+}
+
+#[cfg(test)]
+mod tests {
+    use world::geometry::Point;
+    use world::scene::{AgentKind, AgentState, SceneParts, Track, TrackId};
+
+    use super::*;
+
+    /// A car at 10 m/s that is not listed for a second.
+    fn scene() -> Scene {
+        let at = |step: usize| AgentState { x: step as f64, velocity_x: 10.0, length: 4.0, ..AgentState::default() };
+        let track =
+            |id| Track { id: TrackId(id), kind: AgentKind::Vehicle, states: (0..60).map(|s| Some(at(s))).collect() };
+        let mut parts = SceneParts {
+            id: "gap".into(),
+            timestamps: (0..60).map(|step| step as f64 * 0.1).collect(),
+            tracks: vec![track(1), track(2)],
+            av_index: 1,
+            ..SceneParts::default()
+        };
+        parts.tracks[0].states[20..30].fill(None);
+        parts.check().unwrap().0
+    }
+
+    #[test]
+    fn who_is_not_listed_for_a_while_goes_on_unless_the_log_is_taken_as_it_lies() {
+        let scene = Arc::new(scene());
+        let state = scene.tracks()[0].states[19].unwrap();
+        let agent = ObservedAgent { track: TrackId(1), kind: AgentKind::Vehicle, state };
+        let after = |scene: &Scene| logged(scene, &agent, 19).unwrap().poses[4].position();
+        assert_eq!(after(&scene), Point::new(19.0, 0.0));
+        assert!(after(Bridged::of(&scene).judged()).distance(Point::new(24.0, 0.0)) < 1e-9);
+    }
 }

@@ -2,12 +2,14 @@
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
+use std::sync::Arc;
 
 use scenarios::SceneEntry;
 use scenarios::lint::{self, Lint};
 use world::geometry::Point3;
 use world::reference_line::SAMPLE_SPACING;
 use world::route::{Route, RouteStyle};
+use world::scene::bridged::Bridged;
 use world::scene::{AgentKind, Scene, Track};
 use world::signal::SignalState;
 
@@ -31,7 +33,7 @@ pub fn run(arguments: &InspectArguments, out: &mut impl Write) -> Result<bool, F
     Ok(grave)
 }
 
-fn show(entry: &SceneEntry, scene: &Scene, lints: &[Lint], out: &mut impl Write) -> io::Result<()> {
+fn show(entry: &SceneEntry, scene: &Arc<Scene>, lints: &[Lint], out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "{}", entry.id)?;
     let mut line = |name: &str, text: String| writeln!(out, "  {name:<9} {text}");
     line("from", entry.source.to_string())?;
@@ -129,8 +131,8 @@ fn signals(scene: &Scene) -> String {
     format!("for {} at {with} of {} steps: {}", count(lanes.len(), "lane"), scene.steps(), shares.join(", "))
 }
 
-fn route(scene: &Scene) -> String {
-    match Route::of_log(scene, RouteStyle::Strict) {
+fn route(scene: &Arc<Scene>) -> String {
+    match Route::of_log(Bridged::of(scene).judged(), RouteStyle::Strict) {
         Ok(route) => {
             let lanes: Vec<String> = route.lanes.iter().map(ToString::to_string).collect();
             let meters = route.line.x.len() as f64 * SAMPLE_SPACING;

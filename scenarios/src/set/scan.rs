@@ -22,7 +22,10 @@ const RESTART_BYTES: u64 = 4 << 20;
 /// nothing tells where the next record begins.
 pub(super) fn scan(path: &Path, found: &mut Found) -> Result<(), SetError> {
     let io = |source| SetError::Io { path: path.into(), source };
-    let mut file = File::open(path).map_err(io)?;
+    let mut file = File::open(path).map_err(|source| match source.kind() {
+        io::ErrorKind::NotFound => SetError::Missing { path: path.into() },
+        _ => io(source),
+    })?;
     let mut start = Vec::new();
     file.by_ref().take(HEADER_BYTES as u64).read_to_end(&mut start).map_err(io)?;
     file.seek(SeekFrom::Start(0)).map_err(io)?;

@@ -72,7 +72,7 @@ const PATIENCE: Duration = Duration::from_secs(8);
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the messages say it")]
 pub enum RunError {
-    #[error(transparent)]
+    #[error("{0}\nhint: {hint}", hint = .0.hint())]
     Scenes(#[from] SetError),
     #[error(transparent)]
     Folder(#[from] FolderError),

@@ -159,7 +159,8 @@ fn what_makes_no_sense_is_refused_with_code_2_and_a_hint() {
     code 2
     --- stdout
     --- stderr
-    error: nowhere: No such file or directory (os error 2)
+    error: there is no nowhere
+    hint: paths are relative to the folder that the command is called in; the word demo means the built-in scenes
     ");
     insta::assert_snapshot!(sim(path, &["table", "."]), @"
     code 2
