@@ -312,3 +312,80 @@ proptest! {
         }
     }
 }
+
+/// A logged AV at 8 m/s on the lane, and a driver at 12 m/s: it passes every place earlier.
+fn passed_earlier(other: straight_road::Mover) -> Outcome {
+    let road = StraightRoad { av: car(0.0, 0.0, 0.0, 8.0), ..StraightRoad::new() }.with(other);
+    let faster = |o: &Observation| Control { acceleration: if o.step < 20 { 2.0 } else { 0.0 }, steering: 0.0 };
+    run(&road, &mut Controls(faster))
+}
+
+#[test]
+fn a_parked_car_that_the_human_grazes_is_netted_by_place_and_so_is_what_leads_to_it() {
+    // Boxes of 2 m: the parked one reaches 5 and 15 cm into the way.
+    for overlap in [0.05, 0.15] {
+        let parked = || car(60.0, 2.0 - overlap, 0.0, 0.0);
+        let outcome = passed_earlier(parked());
+        assert!(collisions(&outcome).iter().all(|event| event.netted) && !collisions(&outcome).is_empty());
+        assert_eq!(
+            (metric(&outcome, "collision"), metric(&outcome, "nuplan_time_to_collision")),
+            (Some(0.0), Some(1.0))
+        );
+        let own = replay(&StraightRoad { av: car(0.0, 0.0, 0.0, 8.0), ..StraightRoad::new() }.with(parked()));
+        assert_eq!(metric(&own, "nuplan_score"), Some(1.0));
+        assert!(metric(&own, "min_time_to_collision_s").is_none_or(|time| time >= 0.95));
+    }
+    // Another track at the same place, which the logged AV never meets, is no excuse.
+    let mut passing = car(60.0, 1.9, 0.0, 0.0);
+    passing.motion = Box::new(|time| (time < 6.5).then_some((60.0, 1.9, 0.0, 0.0)));
+    assert_eq!(metric(&passed_earlier(passing), "at_fault_collision"), Some(1.0));
+}
+
+#[test]
+fn nobody_is_at_fault_for_a_car_that_was_not_there_a_second_ago() {
+    let appearing = |at: f64| {
+        let mut parked = car(50.0, 0.0, 0.0, 0.0);
+        parked.motion = Box::new(move |time| (time > at).then_some((50.0, 0.0, 0.0, 0.0)));
+        run(&slow_log().with(parked), &mut straight_on())
+    };
+    // They touch after 4.5 s.
+    let late = appearing(4.0);
+    assert_eq!((metric(&late, "collision"), metric(&late, "at_fault_collision")), (Some(1.0), Some(0.0)));
+    assert_eq!((metric(&late, "nuplan_time_to_collision"), late.end.reason()), (Some(1.0), EndReason::Horizon));
+    assert_eq!(metric(&appearing(3.0), "at_fault_collision"), Some(1.0));
+}
+
+#[test]
+fn what_the_map_does_not_tell_is_missing_and_not_kept() {
+    let mut parts = StraightRoad::new().scene().as_ref().clone().into_parts();
+    parts.map.road_edges.clear();
+    parts.map.lanes.iter_mut().for_each(|lane| lane.speed_limit_mph = 0.0);
+    let scene = Arc::new(parts.check().unwrap().0);
+    let outcome = run_with(&scene, StrictSettings::default(), &mut straight_on());
+    for missing in ["off_road", "speeding", "nuplan_drivable_area", "nuplan_speed_limit", "speed_limit_compliance"] {
+        assert_eq!(metric(&outcome, missing), None, "{missing}");
+    }
+    assert_eq!((metric(&outcome, "nuplan_score"), metric(&outcome, "nuplan_terms")), (Some(1.0), Some(6.0)));
+}
+
+#[test]
+fn a_red_light_that_was_unlisted_for_longer_than_it_holds_is_no_trap() {
+    let lit = |unlisted: std::ops::Range<usize>| {
+        let road = StraightRoad { red_at: Some(45.0), av: car(0.0, 0.0, 0.0, 4.0), ..StraightRoad::new() };
+        let mut parts = road.scene().as_ref().clone().into_parts();
+        parts.tracks[0].states.iter_mut().skip(60).for_each(|state| *state = None);
+        parts.signals[unlisted].iter_mut().for_each(Vec::clear);
+        let scene = Arc::new(parts.check().unwrap().0);
+        let faster = |o: &Observation| Control { acceleration: if o.step < 20 { 3.0 } else { 0.0 }, steering: 0.0 };
+        run_with(&scene, StrictSettings::default(), &mut Controls(faster))
+    };
+    let crossing = |outcome: &Outcome| {
+        let red = outcome.events.iter().find(|event| event.kind() == Kind::RedLight);
+        red.map(|event| (event.step as usize + 20, event.netted))
+    };
+    let (at, netted) = crossing(&lit(0..0)).unwrap();
+    assert!(!netted);
+    // Known again half a second before it is crossed, after four seconds of silence; after two nobody forgets.
+    assert_eq!(crossing(&lit(at - 45..at - 5)), Some((at, true)));
+    assert_eq!(crossing(&lit(at - 25..at - 5)), Some((at, false)));
+}

@@ -56,9 +56,10 @@ pub struct Start {
 
 impl Drive<'_> {
     /// Progress along the reference line (m), no longer than the logged AV is there to compare with; none where it is there for less
-    /// than half of the steps that there are to drive.
+    /// than half of the steps that there are to drive, or ends behind where it began.
     fn compared_progress(&self) -> Option<f64> {
-        let (_, last) = self.human_route_progress?;
+        // Who backs all the way goes by another route than the one that was made of it.
+        let (_, last) = self.human_route_progress.filter(|(human, _)| *human >= -nuplan::LEAST_PROGRESS)?;
         let first = self.records.first().map_or(self.horizon, |record| record.log_index as usize);
         if 2 * (last + 1).saturating_sub(first) < self.horizon.saturating_sub(first) {
             return None;
