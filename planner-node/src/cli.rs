@@ -33,13 +33,13 @@ pub struct Serve {
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Hold the Gauss-Newton planner to vectors of the authors' code
+    /// Hold the Gauss-Newton planner to numbers of other implementations
     ///
-    /// Prints the worst deviation of each quantity, by each of the two linear solvers, beside its tolerance. Exits with 1
-    /// when one is out.
+    /// Those of the authors' code, in a folder; without one those of an implementation in Python, which are built in. Prints the
+    /// worst deviation of each quantity, by each of the two linear solvers, beside its tolerance. Exits with 1 when one is out.
     Verify {
-        /// Folder of .npz files
-        folder: PathBuf,
+        /// Folder of the authors' .npz files; the built-in vectors without it
+        folder: Option<PathBuf>,
     },
     /// Say why the plan of a recorded step is what it is
     ///

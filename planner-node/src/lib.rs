@@ -8,7 +8,7 @@
 //! | `constant-velocity` | `constant_velocity.rs` | straight on |
 //! | `gauss-newton` | `gauss_newton_planner/` | the differentiable planner; its mathematics is [`gauss_newton`] |
 //!
-//! [`explain`] tells why a recorded plan is what it is; [`verify`] holds the mathematics to the vectors of the authors' code.
+//! [`explain`] tells why a recorded plan is what it is; [`verify`] holds the mathematics to numbers of other implementations.
 //!
 //! A planner is pure: what it answers depends on its inputs alone. To add one: a file, a member of [`PlannerKind`], a line
 //! in [`PlannerKind::factory`].

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use planner_node::explain::explain;
-use planner_node::verify::verify;
+use planner_node::verify::{verify, verify_own};
 use tracing_subscriber::EnvFilter;
 use wire::node::Stop;
 
@@ -30,7 +30,7 @@ fn main() -> ExitCode {
 fn run(cli: cli::Cli) -> anyhow::Result<ExitCode> {
     match cli.command {
         Some(cli::Command::Verify { folder }) => {
-            let report = verify(&folder)?;
+            let report = folder.map_or_else(verify_own, |folder| verify(&folder))?;
             say(&format!("{report}\n"))?;
             return Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::from(1) });
         }

@@ -100,6 +100,11 @@ impl Npz {
         }
     }
 
+    /// The numbers of an array, to be changed: for tests that one which is off is found.
+    pub fn values_mut(&mut self, name: &str) -> Option<&mut [f64]> {
+        Some(&mut self.arrays.get_mut(name)?.values)
+    }
+
     /// The numbers of an array in groups of `N`, in C order; a last group that is not whole is left out.
     ///
     /// # Errors

@@ -1,16 +1,18 @@
-//! `verify DIR`: holds the Gauss-Newton planner to a folder of vectors that the authors' code produced: cases of the planner by
-//! itself, or episodes of their closed loop.
+//! `verify [DIR]`: holds the Gauss-Newton planner to a folder of vectors that the authors' code produced: cases of the planner by
+//! itself, or episodes of their closed loop. Without a folder, to vectors of our own that are built in.
 //!
 //! Every quantity of every case is computed with each of the two linear solvers; the worst deviation of each is printed beside
-//! its tolerance. The folder's README defines the arrays.
+//! its tolerance. `vectors/README.md` defines the arrays.
 
 mod batch;
 mod case;
 mod closed_loop;
 mod ending;
+mod own;
 mod quantities;
 mod together;
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
@@ -41,20 +43,33 @@ pub enum VerifyError {
 /// # Errors
 /// [`VerifyError`]; a deviation is no error.
 pub fn verify(folder: &Path) -> Result<Report, VerifyError> {
-    let mut kinds = Vec::new();
-    let mut found = Vec::new();
-    let mut left_out = 0;
-    for path in files(folder)? {
-        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let compared = compare(&path).map_err(|source| VerifyError::Case { name: name.clone(), source })?;
-        kinds.push(compared.kind);
-        left_out += compared.left_out;
-        found.push((name, compared.deviations));
-    }
+    let paths = files(folder)?;
+    report(paths.iter().map(|path| (path.file_stem().unwrap_or_default().to_string_lossy(), compare(path))))
+}
+
+/// Verifies the cases that are built in: those of `checks/planner_vectors.py`, which shares no code with ours.
+///
+/// # Errors
+/// [`VerifyError::Case`], which a test rules out; a deviation is no error.
+pub fn verify_own() -> Result<Report, VerifyError> {
+    let parse = |name, bytes| Ok(compare_planner(&Npz::parse(Path::new(name), bytes)?)?);
+    report(own::CASES.into_iter().map(|(name, bytes)| (name.into(), parse(name, bytes))))
+}
+
+/// A table of what came of each case.
+fn report<'a>(cases: impl Iterator<Item = (Cow<'a, str>, Result<Compared, CaseError>)>) -> Result<Report, VerifyError> {
+    let compared = cases.map(|(name, compared)| match compared {
+        Ok(compared) => Ok((name, compared)),
+        Err(source) => Err(VerifyError::Case { name: name.into_owned(), source }),
+    });
+    let compared = compared.collect::<Result<Vec<_>, _>>()?;
+    let kinds: Vec<_> = compared.iter().map(|(_, compared)| compared.kind).collect();
     let mut report = Report::new(&COLUMNS.map(|(name, _)| name), &quantities::announced(&kinds));
-    for (name, columns) in found {
+    let mut left_out = 0;
+    for (name, compared) in compared {
         report.count_case();
-        for (column, deviations) in columns.into_iter().enumerate() {
+        left_out += compared.left_out;
+        for (column, deviations) in compared.deviations.into_iter().enumerate() {
             for (quantity, deviation) in deviations {
                 report.add(column, quantity, deviation, &name);
             }
@@ -93,19 +108,25 @@ struct Compared {
 
 fn compare(path: &Path) -> Result<Compared, CaseError> {
     let npz = Npz::read(path)?;
-    let both = |of: &dyn Fn(LinearSolver) -> Result<quantities::Deviations, CaseError>| {
-        COLUMNS.into_iter().map(|(_, linear)| of(linear)).collect::<Result<Vec<_>, _>>()
-    };
-    if let Some(route) = closed_loop::route_of(path) {
-        let episode = closed_loop::read(&npz, &Npz::read(&route)?)?;
-        let deviations = both(&|linear| Ok(closed_loop::deviations(&episode, linear)))?;
-        return Ok(Compared { kind: quantities::Kind::Episode, deviations, left_out: episode.left_out });
-    }
-    let (kind, deviations) = match batch::size(&npz) {
-        Some(size) => (quantities::Kind::Batch(size), both(&|linear| batch::deviations(&npz, size, linear))?),
-        None => (quantities::Kind::of_case(&npz)?, both(&|linear| quantities::deviations(&npz, linear))?),
+    let Some(route) = closed_loop::route_of(path) else { return compare_planner(&npz) };
+    let episode = closed_loop::read(&npz, &Npz::read(&route)?)?;
+    let deviations = by_each_solver(|linear| Ok(closed_loop::deviations(&episode, linear)))?;
+    Ok(Compared { kind: quantities::Kind::Episode, deviations, left_out: episode.left_out })
+}
+
+/// A case or a batch of the planner by itself.
+fn compare_planner(npz: &Npz) -> Result<Compared, CaseError> {
+    let (kind, deviations) = match batch::size(npz) {
+        Some(size) => (quantities::Kind::Batch(size), by_each_solver(|linear| batch::deviations(npz, size, linear))?),
+        None => (quantities::Kind::of_case(npz)?, by_each_solver(|linear| quantities::deviations(npz, linear))?),
     };
     Ok(Compared { kind, deviations, left_out: 0 })
+}
+
+fn by_each_solver(
+    of: impl Fn(LinearSolver) -> Result<quantities::Deviations, CaseError>,
+) -> Result<Vec<quantities::Deviations>, CaseError> {
+    COLUMNS.into_iter().map(|(_, linear)| of(linear)).collect()
 }
 
 #[cfg(test)]
@@ -121,6 +142,44 @@ mod tests {
     #[test]
     fn every_vector_of_the_planner_holds_with_either_linear_solver() {
         holds("dipp/planner-vectors");
+    }
+
+    #[test]
+    fn our_own_vectors_hold_with_either_linear_solver() {
+        let report = verify_own().unwrap();
+        assert!(report.holds(), "{report}");
+    }
+
+    #[test]
+    fn every_file_of_our_own_vectors_is_built_in_as_it_is() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("vectors");
+        let names = npz_files(&folder).unwrap().into_iter().map(|path| path.file_stem().unwrap().to_owned());
+        assert_eq!(names.collect::<Vec<_>>(), own::CASES.map(|(name, _)| name));
+        assert_eq!(verify(&folder).unwrap(), verify_own().unwrap());
+    }
+
+    /// What our own vectors come to, with this change of each.
+    fn changed(change: impl Fn(&str, &mut Npz)) -> Report {
+        let cases = own::CASES.into_iter().map(|(name, bytes)| {
+            let mut npz = Npz::parse(Path::new(name), bytes).unwrap();
+            change(name, &mut npz);
+            (name.into(), compare_planner(&npz))
+        });
+        report(cases).unwrap()
+    }
+
+    #[test]
+    fn any_number_of_our_own_vectors_that_is_off_makes_it_fail() {
+        let whole = Npz::parse(Path::new("merge"), own::CASES[2].1).unwrap();
+        for (array, _) in whole.shapes() {
+            let report = changed(|name, npz| {
+                let Some(values) = npz.values_mut(array).filter(|_| name == "merge") else { return };
+                // In the middle of the agents is a velocity of a neighbor, which no planner reads.
+                let place = if array == "current_state" { 0 } else { values.len() / 2 };
+                values[place] += 0.01;
+            });
+            assert!(!report.holds(), "{array} is off\n{report}");
+        }
     }
 
     #[test]

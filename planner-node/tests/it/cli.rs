@@ -46,3 +46,9 @@ fn a_recording_that_is_none() {
     let output = call(&["explain", env!("CARGO_BIN_EXE_planner-node"), "--step", "3"]);
     assert!(output.starts_with("exit 2\nerror: ") && output.contains("is no readable recording"), "{output}");
 }
+
+#[test]
+fn vectors_are_built_in() {
+    let output = call(&["verify"]);
+    assert!(output.starts_with("exit 0\n7 cases") && output.ends_with("all within tolerance\n"), "{output}");
+}
