@@ -274,9 +274,9 @@ impl Episode {
         }
     }
 
-    /// Ends the episode: the driver failed for `reason`.
+    /// Ends the episode: the driver failed for `reason`, be it after the last step. The first reason stands.
     pub fn fail(&mut self, reason: String) -> &Advance {
-        if self.advance.ended.is_none() {
+        if self.advance.ended != Some(EndReason::DriverFailed) {
             self.advance.ended = Some(EndReason::DriverFailed);
             self.advance.events.clear();
             self.advance.events.push(proto::Event {
@@ -293,7 +293,7 @@ impl Episode {
 
     /// The outcome of what was driven.
     #[must_use]
-    pub fn finish(self) -> Outcome {
+    pub fn finish(&self) -> Outcome {
         let human: Vec<Option<Pose>> =
             self.scene.av().states.iter().map(|state| state.map(|state| state.pose())).collect();
         let first = self.start as usize + 1;
@@ -307,13 +307,13 @@ impl Episode {
             scene: self.scene.id().to_string(),
             protocol: self.protocol.name().to_owned(),
             reason: self.advance.ended.unwrap_or_default().into(),
-            detail: self.detail,
+            detail: self.detail.clone(),
             steps: self.step,
             metrics: named(measured),
             records: self.records.len() as u32,
             events: self.events.len() as u32,
             ..proto::EpisodeEnd::default()
         };
-        Outcome { end, records: self.records, events: self.events }
+        Outcome { end, records: self.records.clone(), events: self.events.clone() }
     }
 }

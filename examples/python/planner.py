@@ -5,7 +5,8 @@
     sim run --planner-command 'venv/bin/python examples/python/planner.py'
 
 `sim run` starts one process for each worker and tells it by arguments, and by RELOOP_ENDPOINT, RELOOP_RUN,
-RELOOP_WORKER and RELOOP_NAME, where to connect. docs/bus.md describes the keys and the messages; wire/proto/reloop.proto is the contract.
+RELOOP_WORKER and RELOOP_NAME, where to connect; and by RELOOP_SECRET, in the environment alone, what it must know to be
+heard. docs/bus.md describes the keys and the messages; wire/proto/reloop.proto is the contract.
 """
 
 import argparse
@@ -19,7 +20,7 @@ import tempfile
 import zenoh
 from grpc_tools import protoc
 
-WIRE_VERSION = 1  # of wire/proto/reloop.proto; the simulator refuses any other
+WIRE_VERSION = 2  # of wire/proto/reloop.proto; the simulator refuses any other
 PLAN_STEPS = 50  # 0.1 s to 5.0 s ahead
 STEP_SECONDS = 0.1
 SAMPLE_SPACING = 0.1  # metres between two samples of the reference line
@@ -37,20 +38,57 @@ def messages():
     return reloop_pb2
 
 
-def plan(pb, observation):
-    """The plan for this observation. This is the part to make one's own."""
-    av, line = observation.av, observation.window
-    speed = math.hypot(av.velocity_x, av.velocity_y)
-    answer = pb.Plan(step=observation.step, status="follows the line")
-    if not line.x:
-        answer.error = "there is no reference line here"
+class Planner:
+    """Plans for one episode. This is the part to make one's own."""
+
+    def __init__(self, pb, scene):
+        self.pb, self.scene = pb, scene  # the scene holds the map, the route, and what was before the first step
+
+    def plan(self, observation):
+        """The plan for this observation."""
+        av, line = observation.av, observation.window
+        speed = math.hypot(av.velocity_x, av.velocity_y)
+        answer = self.pb.Plan(step=observation.step, status="follows the line")
+        if not line.x:
+            answer.error = "there is no reference line here"
+            return answer
+        here = min(range(len(line.x)), key=lambda i: (line.x[i] - av.x) ** 2 + (line.y[i] - av.y) ** 2)
+        for k in range(1, PLAN_STEPS + 1):
+            ahead = here + round(k * STEP_SECONDS * speed / SAMPLE_SPACING)
+            i = min(ahead, len(line.x) - 1)
+            answer.states.add(x=line.x[i], y=line.y[i], heading=line.heading[i], speed=speed)
         return answer
-    here = min(range(len(line.x)), key=lambda i: (line.x[i] - av.x) ** 2 + (line.y[i] - av.y) ** 2)
-    for k in range(1, PLAN_STEPS + 1):
-        ahead = here + round(k * STEP_SECONDS * speed / SAMPLE_SPACING)
-        i = min(ahead, len(line.x) - 1)
-        answer.states.add(x=line.x[i], y=line.y[i], heading=line.heading[i], speed=speed)
-    return answer
+
+
+class Desk:
+    """One worker's episodes, one after the other: what the simulator tells goes in, answers come out."""
+
+    def __init__(self, pb):
+        self.pb, self.episode, self.planner = pb, None, None
+
+    def take(self, told):
+        """The answer to what was told; None where none is due."""
+        what = told.WhichOneof("what")
+        answer = self.pb.Answer(episode=told.episode)
+        if what == "scene":
+            self.episode, self.planner = told.episode, Planner(self.pb, told.scene)
+            return None
+        if what == "observation":
+            answer.plan.CopyFrom(self.plan(told.episode, told.observation))
+            return answer
+        if what == "end":
+            self.planner = None
+            answer.done.SetInParent()
+            return answer
+        return None  # a prediction, which this planner makes nothing of
+
+    def plan(self, episode, observation):
+        try:
+            if self.planner is None or episode != self.episode:
+                raise ValueError("the scene never came")
+            return self.planner.plan(observation)
+        except Exception as error:  # an honest refusal is better than silence: that would cost the deadline
+            return self.pb.Plan(step=observation.step, error=f"{type(error).__name__}: {error}")
 
 
 def options():
@@ -67,45 +105,50 @@ def main():
     pb = messages()
     asked = options()
     endpoint, run, worker = asked.endpoint, asked.run, asked.worker
+    # Where this planner sits: only who knows the secret can speak or listen there.
+    seat = f"reloop/{run}/@seat-{os.environ['RELOOP_SECRET']}"
 
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", f'["{endpoint}"]')
     config.insert_json5("scouting/multicast/enabled", "false")
-    session = zenoh.open(config)
-
-    # Callbacks belong to the session's threads: they only pass on what came.
-    todo = queue.Queue()
-    observations = session.declare_subscriber(f"reloop/{run}/{worker}/*/observation", todo.put)
-    # The simulator's own token: when it goes, so do we.
-    sim = session.liveliness().declare_subscriber(
-        f"reloop/{run}/@node/sim/*/*/*",
-        lambda sample: todo.put(None) if sample.kind == zenoh.SampleKind.DELETE else None,
-        history=True,
-    )
-    # Last, because who sees it may count on the subscribers above.
-    serves = "all" if worker == "*" else worker
-    token = session.liveliness().declare_token(
-        f"reloop/{run}/@node/planner/{serves}/{asked.name}/{WIRE_VERSION}"
-    )
-
-    while (sample := todo.get()) is not None:
-        observation = pb.Observation.FromString(bytes(sample.payload))
-        try:
-            answer = plan(pb, observation)
-        except Exception as error:  # an honest refusal is better than silence: that would cost the deadline
-            answer = pb.Plan(step=observation.step, error=f"{type(error).__name__}: {error}")
-        key = str(sample.key_expr).removesuffix("observation") + "plan"
-        session.put(
-            key,
-            answer.SerializeToString(),
-            congestion_control=zenoh.CongestionControl.BLOCK,
-            priority=zenoh.Priority.REAL_TIME,
-            express=True,
+    config.insert_json5("transport/link/tx/lease", "2592000000")  # however long everybody is paused, nobody is given up
+    # `with`: whatever ends this block, an exception too, ends the session, and the simulator sees that the planner is gone.
+    with zenoh.open(config) as session:
+        me = str(session.zid())
+        # Callbacks belong to the session's threads: they only pass on what came.
+        todo = queue.Queue()
+        told = session.declare_subscriber(f"{seat}/{worker}/told", todo.put)
+        door = session.declare_subscriber(f"{seat}/@door/{me}", todo.put)
+        # The simulator's own token: when it goes, so do we.
+        sim = session.liveliness().declare_subscriber(
+            f"reloop/{run}/@node/sim/**",
+            lambda sample: todo.put(None) if sample.kind == zenoh.SampleKind.DELETE else None,
+            history=True,
         )
-    for declared in (token, sim, observations):
-        declared.undeclare()
-    session.close()
+        # Last, because who sees it may count on the subscribers above. Kept, because a token that nobody holds is gone.
+        serves = "all" if worker == "*" else worker
+        token = session.liveliness().declare_token(f"{seat}/@node/planner/{serves}/{asked.name}/{me}/{WIRE_VERSION}")
+
+        desks = {}
+        while (sample := todo.get()) is not None:
+            key, payload = str(sample.key_expr), bytes(sample.payload)
+            if "/@door/" in key:
+                word = pb.Admission.FromString(payload)
+                if not word.accepted:
+                    sys.exit(f"planner {asked.name} is refused: {word.reason}")
+                continue
+            answer = desks.setdefault(key, Desk(pb)).take(pb.Told.FromString(payload))
+            if answer is not None:
+                session.put(
+                    f"{key.removesuffix('told')}plan/{me}",
+                    answer.SerializeToString(),
+                    congestion_control=zenoh.CongestionControl.BLOCK,
+                    priority=zenoh.Priority.REAL_TIME,
+                    express=True,
+                )
+        for declared in (token, sim, door, told):
+            declared.undeclare()
 
 
 if __name__ == "__main__":

@@ -14,10 +14,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use prost::Message as _;
-use wire::keys::{Address, Role, RunName};
-use wire::node::{Connection, Options, Stop};
-use wire::session;
-use zenoh::Session;
+use wire::keys::{Address, Role};
+use wire::node::{Connection, Options, Stop, Voice};
 
 use crate::desk::Desk;
 use crate::message::CHANNELS;
@@ -49,8 +47,8 @@ pub fn record(options: &Options, folder: PathBuf, formats: Vec<Format>) -> anyho
     let mut threads: Vec<JoinHandle<()>> = Vec::new();
     for _ in 0..WRITERS {
         let (queue, messages) = sync_channel(QUEUE);
-        let (desk, session, name) = (Desk::new(Arc::clone(&run)), connection.session(), options.run.clone());
-        threads.push(std::thread::spawn(move || write(desk, &messages, &session, &name)));
+        let (desk, voice) = (Desk::new(Arc::clone(&run)), connection.voice());
+        threads.push(std::thread::spawn(move || write(desk, &messages, &voice)));
         queues.push(queue);
     }
     let closing = queues.clone();
@@ -82,7 +80,7 @@ enum Job {
 }
 
 /// A writer thread.
-fn write(mut desk: Desk, jobs: &Receiver<Job>, session: &Session, run: &RunName) {
+fn write(mut desk: Desk, jobs: &Receiver<Job>, voice: &Voice) {
     loop {
         let wait = desk.next_due().map_or(Duration::MAX, |due| due.saturating_duration_since(Instant::now()));
         let answer = match jobs.recv_timeout(wait) {
@@ -91,10 +89,10 @@ fn write(mut desk: Desk, jobs: &Receiver<Job>, session: &Session, run: &RunName)
             Ok(Job::Stop) | Err(RecvTimeoutError::Disconnected) => return desk.abandon(),
         };
         if let Some((address, recorded)) = answer
-            && let Err(error) = session::send(session, &address.key(run), recorded.encode_to_vec())
+            && let Err(error) = voice.say(&address.worker, address.channel, recorded.encode_to_vec())
         {
             // Closed by this process itself: the simulator is gone, or a stop is asked for.
-            if session.is_closed() {
+            if voice.session().is_closed() {
                 tracing::debug!("nobody hears any more that {} is recorded", address.scene);
             } else {
                 tracing::error!("the simulator does not hear that {} is recorded: {error}", address.scene);

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use clap::Parser;
 use nix::sys::signal::{Signal, raise};
-use wire::keys::{NodeId, Role};
+use wire::keys::{NodeId, Place, Role};
 use wire::node::{Options, Planner, PlannerFactory, StepInput, serve_planner};
 use wire::{WIRE_VERSION, session};
 use world::observation::Briefing;
@@ -87,9 +87,10 @@ fn straight_on(input: &StepInput<'_>) -> UncheckedPlan {
 fn pose_as_newer(options: &Options) {
     let session = session::open_client(&options.endpoint).unwrap();
     let name = options.name.as_deref().unwrap();
-    let node =
-        NodeId { version: WIRE_VERSION + 1, ..NodeId::new(Role::Planner, options.worker.clone(), name).unwrap() };
-    let _token = session.liveliness().declare_token(node.key(&options.run)).wait().unwrap();
+    let mut node = NodeId::new(Role::Planner, options.worker.clone(), name, &session.zid().to_string()).unwrap();
+    node.version = WIRE_VERSION + 1;
+    let place = Place::seat(&options.run, options.secret.as_ref().unwrap()).unwrap();
+    let _token = session.liveliness().declare_token(node.key(&place)).wait().unwrap();
     let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
 }
 

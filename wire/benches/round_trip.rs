@@ -18,8 +18,8 @@ use std::time::{Duration, Instant};
 
 use prost::Message;
 use wire::cores::Cores;
-use wire::hub::{Hub, Wanted};
-use wire::keys::{Role, Worker, Workers};
+use wire::hub::{Cast, Hub};
+use wire::keys::{Role, Secret, Worker, Workers};
 use wire::node::{Options, Planner, PlannerFactory, StepInput, serve_planner};
 use wire::{convert, proto};
 use world::observation::{Briefing, Observation, ObservedAgent};
@@ -34,8 +34,8 @@ const DEADLINE: Duration = Duration::from_secs(10);
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
     match arguments.iter().map(String::as_str).collect::<Vec<_>>().as_slice() {
-        [_, "--node", endpoint] => {
-            serve_planner(&options(endpoint), Arc::new(Empty)).unwrap();
+        [_, "--node", endpoint, secret] => {
+            serve_planner(&options(endpoint, secret), Arc::new(Empty)).unwrap();
         }
         // A process of its own: the bus's threads are started once and stay where they were started.
         [_, "--pinned"] => {
@@ -77,10 +77,11 @@ fn measure_bus(place: &str) {
 
 fn bus() -> Vec<Duration> {
     let hub = Hub::open(&"bench".parse().unwrap()).unwrap();
-    let _node = start(&["--node", hub.endpoint()]);
-    let wanted = Wanted { role: Role::Planner, workers: Workers::All, name: None };
-    hub.wait_for_nodes(&[wanted], DEADLINE, &|| false).unwrap();
-    let mut line = hub.episode(&Worker::numbered(0), &SceneId::new("bench").unwrap(), false).unwrap();
+    let seat = hub.seat(Role::Planner, &Workers::All).unwrap();
+    let _node = start(&["--node", hub.endpoint(), seat.secret().reveal()]);
+    hub.wait_for_nodes(&[&seat], DEADLINE, &|| false).unwrap();
+    let cast = Cast { planner: &seat, predictor: None, recorder: None };
+    let mut line = hub.episode(&Worker::numbered(0), &SceneId::new("bench").unwrap(), cast).unwrap();
     line.announce(&briefing()).unwrap();
     let mut observation = observation(0);
     time(|step| {
@@ -171,12 +172,13 @@ fn plan(step: u32) -> UncheckedPlan {
     }
 }
 
-fn options(endpoint: &str) -> Options {
+fn options(endpoint: &str, secret: &str) -> Options {
     Options {
         endpoint: endpoint.to_owned(),
         run: "bench".parse().unwrap(),
         worker: Workers::All,
         name: None,
+        secret: Some(Secret::from(secret)),
         exit_with_parent: false,
     }
 }

@@ -5,8 +5,9 @@ use std::fmt::Debug;
 use world::observation::{Briefing, Observation};
 use world::plan::{UncheckedPlan, UncheckedPrediction};
 
-use crate::convert::{Message, MessageError, decode};
-use crate::keys::{Address, NodeId, RunName};
+use crate::convert::{Message, MessageError, decode, shown};
+use crate::envelope::{Content, Saying, Telling, open, seal};
+use crate::keys::{Address, Answering, NodeId, Place, Workers};
 use crate::proto;
 
 /// Any bytes as a `Scene`: see `message`.
@@ -41,13 +42,58 @@ pub fn prediction(bytes: &[u8]) {
 /// If that does not hold.
 pub fn key(bytes: &[u8]) {
     let Ok(key) = std::str::from_utf8(bytes) else { return };
-    let Some(run) = key.split('/').nth(1).and_then(|run| run.parse::<RunName>().ok()) else { return };
+    let Some(place) = Place::of(key) else { return };
     if let Some(address) = Address::parse(key) {
-        assert!([address.key(&run), address.tape_key(&run)].iter().any(|written| written == key), "{address:?}");
+        assert_eq!(place.tape(&address), key);
+    }
+    if let Some(answer) = Answering::parse(key) {
+        assert_eq!(place.answer(&answer), key);
+    }
+    if let Some(worker) = Place::told_of(key) {
+        assert_eq!(place.told(&Workers::One(worker)), key);
     }
     if let Some(node) = NodeId::parse(key) {
-        assert_eq!(NodeId::parse(&node.key(&run)), Some(node));
+        assert_eq!(NodeId::parse(&node.key(&place)), Some(node));
     }
+}
+
+/// Any bytes as what the simulator tells: what is taken out of the envelope is the same when it is put in again; then see `message`.
+///
+/// # Panics
+/// If that does not hold.
+pub fn told(bytes: &[u8]) {
+    match envelope::<Telling>(bytes) {
+        Some((Telling::Scene, message)) => scene(message),
+        Some((Telling::Observation, message)) => observation(message),
+        Some((Telling::Prediction, message)) => prediction(message),
+        Some((Telling::End, _)) | None => {}
+    }
+}
+
+/// Any bytes as what a node answers: see `told`.
+///
+/// # Panics
+/// If that does not hold.
+pub fn answer(bytes: &[u8]) {
+    match envelope::<Saying>(bytes) {
+        Some((Saying::Plan, message)) => plan(message),
+        Some((Saying::Prediction, message)) => prediction(message),
+        Some((Saying::Done, _)) | None => {}
+    }
+}
+
+/// Any bytes as the simulator's word to a node that asks to be let in.
+pub fn admission(bytes: &[u8]) {
+    if let Ok(word) = decode::<proto::Admission>(bytes) {
+        assert!(!shown(&word.reason).chars().any(char::is_control));
+    }
+}
+
+fn envelope<C: Content + PartialEq + Debug>(bytes: &[u8]) -> Option<(C, &[u8])> {
+    let (episode, content, message) = open::<C>(bytes).ok()?;
+    let sealed = seal(episode, content, message.into());
+    assert_eq!(open::<C>(&sealed.to_bytes()).ok(), Some((episode, content, message)));
+    Some((content, message))
 }
 
 /// Any bytes as a message: no panic; and what is taken, sent on and taken again is the same.
@@ -64,7 +110,6 @@ where
         let sent = P::from(value).encode_to_vec();
         decode::<P>(&sent).and_then(W::try_from).map_err(|e| format!("{value:?} is refused when sent on: {e}"))
     };
-    // The first round takes the sign of zeros away: protobuf leaves out a number that equals zero.
     let once = again(&taken).unwrap_or_else(|e| panic!("{e}"));
     let twice = again(&once).unwrap_or_else(|e| panic!("{e}"));
     // As text, because NaN differs from itself.

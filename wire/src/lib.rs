@@ -8,7 +8,9 @@
 //! | [`convert`] | between messages and the world's types; checks what comes from outside |
 //! | [`cores`] | which cores those who talk to each other run on |
 //! | [`digest`] | whether a recording holds what was told |
+//! | [`envelope`] | what messages travel in, packed and unpacked without looking inside |
 //! | [`keys`] | every key of the bus |
+//! | [`pulse`] | notices that this process stood still |
 //! | [`session`] | bus sessions: the simulator's router, the nodes' clients |
 //! | [`hub`] | the simulator's side: barrier, watch over nodes, a line for each episode |
 //! | [`node`] | the nodes' side: what a planner or predictor implements, and how it is served |
@@ -16,18 +18,20 @@
 pub mod convert;
 pub mod cores;
 pub mod digest;
+pub mod envelope;
 #[doc(hidden)]
 pub mod fuzzing;
 pub mod hub;
 pub mod keys;
 pub mod node;
 pub mod proto;
+pub mod pulse;
 pub mod session;
 mod waiting;
 
 /// The version of messages, keys and their order. A node of another version is refused; raise it with every change that an
 /// older node would misread.
-pub const WIRE_VERSION: u32 = 1;
+pub const WIRE_VERSION: u32 = 2;
 
 /// `proto/reloop.proto`, compiled: the schema of every message, as recordings carry it (a serialized `FileDescriptorSet`).
 pub const FILE_DESCRIPTOR_SET: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/descriptors.bin"));
@@ -38,9 +42,21 @@ mod tests {
     fn the_descriptor_set_names_every_message() {
         let text = String::from_utf8_lossy(super::FILE_DESCRIPTOR_SET);
         assert!(text.contains("reloop.v1"));
-        for name in
-            ["Scene", "Observation", "Prediction", "Plan", "StepRecord", "Event", "EpisodeEnd", "RunInfo", "Recorded"]
-        {
+        for name in [
+            "Scene",
+            "Observation",
+            "Prediction",
+            "Plan",
+            "StepRecord",
+            "Event",
+            "EpisodeEnd",
+            "RunInfo",
+            "Recorded",
+            "Told",
+            "Answer",
+            "Done",
+            "Admission",
+        ] {
             assert!(text.contains(name), "{name}");
         }
     }

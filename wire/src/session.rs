@@ -1,7 +1,7 @@
 //! Bus sessions. The simulator's is a router inside its own process, on a TCP port of its own; every node is a client of
-//! it, so that nodes hear each other through the simulator. No multicast, no gossip, no shared memory.
+//! it. No multicast, no gossip, no shared memory.
 
-use std::net::{Ipv4Addr, TcpListener};
+use std::net::{TcpListener, ToSocketAddrs};
 use std::time::Duration;
 
 use thiserror::Error;
@@ -12,12 +12,17 @@ use zenoh::{Config, Session, Wait};
 
 use crate::convert::MAX_MESSAGE_BYTES;
 
-/// How long a node may say nothing at all before the simulator takes it for dead. Zenoh's own threads send a sign of life
-/// four times as often, so that a node that merely computes is not meant.
-pub const NODE_LEASE: Duration = Duration::from_secs(5);
+/// How long either side may give no sign of life: a month, which is to say for ever. A death is seen by the closed connection. Who
+/// is silent and not dead was stopped, and when everybody is, by Ctrl-Z or `docker pause`, all must find each other again. A
+/// node that alone is frozen is noticed where it is needed: at a deadline.
+const LEASE: Duration = Duration::from_secs(30 * 24 * 3600);
 
-/// How long nodes wait for a silent simulator: its death is seen by the closed connection, so silence means a debugger.
-const SIM_LEASE: Duration = Duration::from_secs(60);
+/// How long a node waits to send while the simulator takes nothing: as long.
+const NODE_STALL: Duration = LEASE;
+
+/// The largest message that the simulator reads at all. What is larger than it should be is read and refused by name; what is
+/// larger than this costs its sender the connection.
+const MAX_READ_BYTES: usize = 4 * MAX_MESSAGE_BYTES;
 
 /// How long a node tries to reach the simulator.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -77,8 +82,21 @@ fn reason(error: &zenoh::Error) -> String {
     }
 }
 
-/// A router session that listens on `endpoint` (`tcp/127.0.0.1:7447`), or on a free port of the loopback where there is none.
-/// Gives back the endpoint too.
+/// Who is no simulator may not show its token, nor answer in its place who asks for the run's settings or a scene.
+const ACCESS: &str = r#"{
+    enabled: true, default_permission: "allow",
+    rules: [
+        { id: "answers", permission: "deny", flows: ["ingress"], messages: ["declare_queryable", "reply"],
+          key_exprs: ["**", "reloop/*/@tape/**"] },
+        { id: "token", permission: "deny", flows: ["ingress"], messages: ["liveliness_token"],
+          key_exprs: ["reloop/*/@node/sim/**"] },
+    ],
+    subjects: [{ id: "everybody" }],
+    policies: [{ rules: ["answers", "token"], subjects: ["everybody"] }],
+}"#;
+
+/// A router session that listens on `endpoint` (`tcp/127.0.0.1:7447`), or on a free port of the loopback where there is none; port 0
+/// is a free one too. Gives back the endpoint as nodes are to be told it.
 ///
 /// `stall` is how long a send waits for a reader that takes nothing; then that reader is cut off. It must stay below the
 /// deadline of a step: a sender that waits is the simulator's own thread.
@@ -86,16 +104,15 @@ fn reason(error: &zenoh::Error) -> String {
 /// # Errors
 /// [`SessionError::Listen`].
 pub fn open_router(endpoint: Option<&str>, stall: Duration) -> Result<(Session, String), SessionError> {
+    let asked = endpoint.unwrap_or(ANY_PORT);
     let mut failure = None;
-    for _ in 0..if endpoint.is_some() { 1 } else { PORT_ATTEMPTS } {
-        let endpoint = match endpoint {
-            Some(endpoint) => endpoint.to_owned(),
-            None => free_endpoint()?,
-        };
+    for _ in 0..if wants_free_port(asked) { PORT_ATTEMPTS } else { 1 } {
+        let endpoint = if wants_free_port(asked) { with_free_port(asked)? } else { asked.to_owned() };
         let settings = [
             ("mode", r#""router""#.to_owned()),
             ("listen/endpoints", format!("[{endpoint:?}]")),
-            ("transport/link/tx/lease", SIM_LEASE.as_millis().to_string()),
+            ("access_control", ACCESS.to_owned()),
+            ("transport/link/rx/max_message_size", MAX_READ_BYTES.to_string()),
             ("transport/link/tx/queue/congestion_control/block/wait_before_close", stall.as_micros().to_string()),
         ];
         match open(&settings) {
@@ -104,6 +121,13 @@ pub fn open_router(endpoint: Option<&str>, stall: Duration) -> Result<(Session, 
         }
     }
     Err(failure.unwrap_or(SessionError::Bus { what: "open", reason: "no attempt was made".to_owned() }))
+}
+
+/// Whether somebody beyond this machine may reach `endpoint`; so it is said of one that cannot be read, too.
+#[must_use]
+pub fn is_beyond_loopback(endpoint: &str) -> bool {
+    let addresses = address(endpoint).to_socket_addrs();
+    !addresses.is_ok_and(|mut addresses| addresses.all(|address| address.ip().is_loopback()))
 }
 
 /// A client session of the router at `endpoint`.
@@ -116,8 +140,8 @@ pub fn open_client(endpoint: &str) -> Result<Session, SessionError> {
         ("connect/endpoints", format!("[{endpoint:?}]")),
         ("connect/timeout_ms", CONNECT_TIMEOUT.as_millis().to_string()),
         ("connect/exit_on_failure", "true".to_owned()),
-        ("transport/link/tx/lease", NODE_LEASE.as_millis().to_string()),
-        ("transport/link/tx/queue/congestion_control/block/wait_before_close", SIM_LEASE.as_micros().to_string()),
+        ("transport/link/rx/max_message_size", MAX_MESSAGE_BYTES.to_string()),
+        ("transport/link/tx/queue/congestion_control/block/wait_before_close", NODE_STALL.as_micros().to_string()),
     ];
     open(&settings).map_err(|reason| SessionError::Connect { endpoint: endpoint.to_owned(), reason })
 }
@@ -130,7 +154,7 @@ fn open(settings: &[(&str, String)]) -> Result<Session, String> {
         ("scouting/delay", "0".to_owned()),
         // Messages carry the step; a wall-clock stamp would only cost.
         ("timestamping/enabled", "false".to_owned()),
-        ("transport/link/rx/max_message_size", MAX_MESSAGE_BYTES.to_string()),
+        ("transport/link/tx/lease", LEASE.as_millis().to_string()),
         ("transport/link/tx/queue/size/real_time", QUEUED_BATCHES.to_string()),
     ];
     let mut config = Config::default();
@@ -140,10 +164,25 @@ fn open(settings: &[(&str, String)]) -> Result<Session, String> {
     zenoh::open(config).wait().map_err(|e| reason(&e))
 }
 
-fn free_endpoint() -> Result<String, SessionError> {
-    let port = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|listener| listener.local_addr());
-    port.map(|address| format!("tcp/{address}"))
-        .map_err(|e| SessionError::Listen { endpoint: "tcp/127.0.0.1:0".to_owned(), reason: e.to_string() })
+/// Where nobody says where.
+const ANY_PORT: &str = "tcp/127.0.0.1:0";
+
+/// The address of an endpoint, without its protocol before and its settings behind.
+fn address(endpoint: &str) -> &str {
+    let address = endpoint.split_once('/').map_or(endpoint, |(_, address)| address);
+    address.split(['?', '#']).next().unwrap_or(address)
+}
+
+fn wants_free_port(endpoint: &str) -> bool {
+    address(endpoint).ends_with(":0")
+}
+
+/// `endpoint` with a port of its host that nobody listens on, in the place of 0.
+fn with_free_port(endpoint: &str) -> Result<String, SessionError> {
+    let address = address(endpoint);
+    let port = TcpListener::bind(address).and_then(|listener| listener.local_addr()).map(|free| free.port());
+    port.map(|port| endpoint.replacen(address, &format!("{}{port}", &address[..address.len() - 1]), 1))
+        .map_err(|e| SessionError::Listen { endpoint: endpoint.to_owned(), reason: e.to_string() })
 }
 
 /// What sends message after message under `key`, as [`send`] does one: the key is looked up once.
@@ -174,4 +213,31 @@ pub fn send(session: &Session, key: &str, payload: impl Into<ZBytes>) -> Result<
         .express(true)
         .wait()
         .map_err(SessionError::bus("send"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn port_0_is_a_free_one_of_the_same_host() {
+        for endpoint in ["tcp/127.0.0.1:0", "tcp/localhost:0", "tcp/0.0.0.0:0", "tcp/127.0.0.1:0#iface=lo"] {
+            assert!(wants_free_port(endpoint), "{endpoint}");
+            let free = with_free_port(endpoint).unwrap();
+            let (before, after) = endpoint.split_once(":0").unwrap();
+            let port = free.strip_prefix(before).and_then(|rest| rest.strip_suffix(after)).unwrap();
+            assert!(port.strip_prefix(':').unwrap().parse::<u16>().unwrap() > 0, "{free}");
+        }
+        assert!(!wants_free_port("tcp/127.0.0.1:7440"));
+    }
+
+    #[test]
+    fn who_can_be_reached_from_elsewhere_is_known() {
+        for endpoint in ["tcp/127.0.0.1:7447", "tcp/localhost:7447", "tcp/[::1]:7447", "tcp/127.0.0.1:7447#iface=lo"] {
+            assert!(!is_beyond_loopback(endpoint), "{endpoint}");
+        }
+        for endpoint in ["tcp/0.0.0.0:7447", "tcp/[::]:7447", "tcp/192.168.0.7:7447", "tcp/what"] {
+            assert!(is_beyond_loopback(endpoint), "{endpoint}");
+        }
+    }
 }

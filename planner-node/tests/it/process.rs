@@ -4,8 +4,8 @@ use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use wire::hub::{EpisodeLine, Hub, LineError, Wanted};
-use wire::keys::{Role, Worker, Workers};
+use wire::hub::{Cast, EpisodeLine, Hub, LineError, Seat};
+use wire::keys::{Role, Secret, Worker, Workers};
 use world::observation::{Briefing, HistoryStep, Observation};
 use world::reference_line::{ReferenceLine, ReferenceWindow};
 use world::scene::{AgentState, SceneId};
@@ -62,8 +62,8 @@ fn observation(step: u32) -> Observation {
     }
 }
 
-/// The node's process; killed when the test ends, however it does.
-struct Node(Child);
+/// The node's process, killed when the test ends, however it does; and where it sits.
+struct Node(Child, Seat);
 
 impl Drop for Node {
     fn drop(&mut self) {
@@ -74,15 +74,16 @@ impl Drop for Node {
 
 impl Node {
     fn start(hub: &Hub, planner: &str) -> Self {
+        let seat = seat(hub);
         let child = Command::new(env!("CARGO_BIN_EXE_planner-node"))
             .args(["--planner", planner, "--worker", "w0", "--exit-with-parent"])
             .args(["--endpoint", hub.endpoint(), "--run", &hub.run().to_string()])
+            .env(Secret::VARIABLE, seat.secret().reveal())
             .stdin(Stdio::piped())
             .spawn()
             .unwrap();
-        let node = Self(child);
-        let wanted = Wanted { role: Role::Planner, workers: Workers::One(Worker::numbered(0)), name: None };
-        hub.wait_for_nodes(&[wanted], DEADLINE, &|| false).unwrap();
+        let node = Self(child, seat);
+        hub.wait_for_nodes(&[&node.1], DEADLINE, &|| false).unwrap();
         node
     }
 
@@ -106,8 +107,13 @@ fn hub() -> Hub {
     Hub::open(&"test".parse().unwrap()).unwrap()
 }
 
-fn open(hub: &Hub) -> EpisodeLine {
-    let mut line = hub.episode(&Worker::numbered(0), &SceneId::new("straight").unwrap(), false).unwrap();
+fn seat(hub: &Hub) -> Seat {
+    hub.seat(Role::Planner, &Workers::One(Worker::numbered(0))).unwrap()
+}
+
+fn open(hub: &Hub, node: &Node) -> EpisodeLine {
+    let cast = Cast { planner: &node.1, predictor: None, recorder: None };
+    let mut line = hub.episode(&Worker::numbered(0), &SceneId::new("straight").unwrap(), cast).unwrap();
     line.announce(&briefing()).unwrap();
     line
 }
@@ -117,7 +123,7 @@ fn its_plans_are_whole_and_it_leaves_with_the_run() {
     for planner in ["idm", "constant-velocity"] {
         let hub = hub();
         let mut node = Node::start(&hub, planner);
-        let mut line = open(&hub);
+        let mut line = open(&hub, &node);
         for step in 0..10 {
             let (plan, _) = line.step(&observation(step), DEADLINE).unwrap();
             plan.check(step).unwrap();
@@ -148,7 +154,7 @@ fn it_leaves_on_ctrl_c() {
 fn a_killed_node_is_noticed_at_once() {
     let hub = hub();
     let mut node = Node::start(&hub, "idm");
-    let mut line = open(&hub);
+    let mut line = open(&hub, &node);
     line.step(&observation(0), DEADLINE).unwrap();
     node.0.kill().unwrap();
     let start = Instant::now();
@@ -161,7 +167,7 @@ fn a_killed_node_is_noticed_at_once() {
 fn a_stopped_node_costs_a_deadline_and_no_more() {
     let hub = hub();
     let node = Node::start(&hub, "idm");
-    let mut line = open(&hub);
+    let mut line = open(&hub, &node);
     line.step(&observation(0), DEADLINE).unwrap();
     node.signal("-STOP");
     let start = Instant::now();
@@ -176,23 +182,24 @@ fn a_stopped_node_costs_a_deadline_and_no_more() {
 #[ignore = "needs a Python with eclipse-zenoh and grpcio-tools, named by PYTHON"]
 fn the_python_example_plans() {
     let hub = hub();
-    let python = std::env::var("PYTHON").unwrap();
+    let (python, seat) = (std::env::var("PYTHON").unwrap(), seat(&hub));
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/python/planner.py");
     let child = Command::new(python)
         .arg(script)
         .envs([("RELOOP_ENDPOINT", hub.endpoint()), ("RELOOP_RUN", "test"), ("RELOOP_WORKER", "w0")])
+        .env(Secret::VARIABLE, seat.secret().reveal())
         .spawn()
         .unwrap();
-    let mut node = Node(child);
-    let wanted = Wanted { role: Role::Planner, workers: Workers::One(Worker::numbered(0)), name: None };
-    hub.wait_for_nodes(&[wanted], DEADLINE, &|| false).unwrap();
-    let mut line = open(&hub);
+    let mut node = Node(child, seat);
+    hub.wait_for_nodes(&[&node.1], DEADLINE, &|| false).unwrap();
+    let mut line = open(&hub, &node);
     for step in 0..20 {
         let (plan, _) = line.step(&observation(step), DEADLINE).unwrap();
         let plan = plan.check(step).unwrap();
         let expected = 20.0 + 0.8 * f64::from(step) + 0.8; // 8 m/s along the x axis
         assert!((plan.states()[0].x - expected).abs() < 0.06, "{:?}", plan.states()[0]);
     }
+    line.dismiss(&Default::default(), DEADLINE).unwrap();
     drop(line);
     hub.close();
     assert!(node.leaves());

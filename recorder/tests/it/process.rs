@@ -8,8 +8,8 @@ use std::time::Duration;
 use prost::Message as _;
 use recorder::export::export;
 use recorder::message::{Body, Message};
-use wire::hub::{Hub, Wanted};
-use wire::keys::{self, Address, Channel, Role, RunName, Worker, Workers};
+use wire::hub::{Hub, Seat};
+use wire::keys::{Address, Answering, Channel, Place, Role, RunName, Secret, Worker, Workers};
 use wire::{proto, session};
 use world::scene::SceneId;
 use zenoh::{Session, Wait};
@@ -22,7 +22,9 @@ const TIMEOUT: Duration = Duration::from_secs(20);
 /// A run with a recorder, and somebody who plays all other parts.
 struct Stage {
     hub: Hub,
-    run: RunName,
+    /// Kept because dropping it takes it away.
+    _seat: Seat,
+    place: Place,
     recorder: Child,
     player: Session,
     answers: Receiver<proto::Recorded>,
@@ -35,9 +37,12 @@ impl Stage {
         let settings = synthetic::SETTINGS.to_owned();
         hub.publish_run_info(&proto::RunInfo { run: run.to_string(), settings, predictor: true, ..Default::default() })
             .unwrap();
+        let seat = hub.seat(Role::Recorder, &Workers::All).unwrap();
+        let place = Place::seat(&run, seat.secret()).unwrap();
         let recorder = Command::new(env!("CARGO_BIN_EXE_recorder"))
             .args(["record", "--exit-with-parent", "--endpoint", hub.endpoint(), "--run", "test", "--out"])
             .arg(folder)
+            .env(Secret::VARIABLE, seat.secret().reveal())
             .env_remove("RUST_LOG")
             .stdin(Stdio::piped())
             .stderr(Stdio::piped())
@@ -46,23 +51,24 @@ impl Stage {
         let player = session::open_client(hub.endpoint()).unwrap();
         let (sender, answers) = sync_channel(16);
         player
-            .declare_subscriber(keys::channel(&run, &Workers::All, Channel::Recorded))
+            .declare_subscriber(&place.everything()[0])
             .callback(move |sample| {
-                sender.send(proto::Recorded::decode(&*sample.payload().to_bytes()).unwrap()).unwrap();
+                if Answering::parse(sample.key_expr().as_str()).is_some() {
+                    sender.send(proto::Recorded::decode(&*sample.payload().to_bytes()).unwrap()).unwrap();
+                }
             })
             .background()
             .wait()
             .unwrap();
-        let wanted = Wanted { role: Role::Recorder, workers: Workers::All, name: None };
-        hub.wait_for_nodes(&[wanted], TIMEOUT, &|| false).unwrap();
-        Self { hub, run, recorder, player, answers }
+        hub.wait_for_nodes(&[&seat], TIMEOUT, &|| false).unwrap();
+        Self { hub, _seat: seat, place, recorder, player, answers }
     }
 
     fn say(&self, worker: usize, scene: &str, messages: &[Message]) {
         for message in messages {
             let channel = message.channel();
             let address = Address { worker: Worker::numbered(worker), scene: SceneId::new(scene).unwrap(), channel };
-            session::send(&self.player, &address.tape_key(&self.run), message.payload.clone()).unwrap();
+            session::send(&self.player, &self.place.tape(&address), message.payload.clone()).unwrap();
         }
     }
 }

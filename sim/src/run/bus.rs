@@ -3,8 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use results::settings::Settings;
-use wire::hub::{EpisodeLine, Hub};
+use wire::hub::{Cast, EpisodeLine, Hub};
 use wire::keys::Worker;
 use wire::proto::{AgentState, EpisodeEnd, Event, StepRecord};
 use world::observation::{Briefing, Observation};
@@ -21,6 +20,8 @@ pub struct BusDriver {
     deadline: Duration,
     /// How long the recorder may take to close the recording; none where nobody records.
     recorder: Option<Duration>,
+    /// Whether the nodes know how it ended.
+    dismissed: bool,
 }
 
 impl BusDriver {
@@ -32,12 +33,13 @@ impl BusDriver {
         hub: &Hub,
         worker: &Worker,
         scene: &Arc<Scene>,
-        settings: &Settings,
-        recorder: Option<Duration>,
+        cast: Cast<'_>,
+        deadline: Duration,
+        closing: Duration,
     ) -> Result<Self, String> {
-        let predicts = settings.predictor.is_some();
-        let line = hub.episode(worker, scene.id(), predicts).map_err(|error| error.to_string())?;
-        Ok(Self { line, scene: Arc::clone(scene), deadline: settings.deadline(), recorder })
+        let line = hub.episode(worker, scene.id(), cast).map_err(|error| error.to_string())?;
+        let recorder = cast.recorder.map(|_| closing);
+        Ok(Self { line, scene: Arc::clone(scene), deadline, recorder, dismissed: false })
     }
 }
 
@@ -69,9 +71,17 @@ impl Driver for BusDriver {
         }
     }
 
+    fn dismiss(&mut self, end: &EpisodeEnd) -> Result<(), String> {
+        self.dismissed = true;
+        self.line.dismiss(end, self.deadline).map_err(|error| format!("after the last step: {error}"))
+    }
+
     fn end(&mut self, events: &[Event], end: &mut EpisodeEnd) -> Result<(), String> {
+        if !self.dismissed {
+            self.line.tell_end(end).map_err(|error| error.to_string())?;
+        }
         events.iter().for_each(|event| self.line.publish_event(event));
-        let told = self.line.publish_end(end.clone()).map_err(|error| error.to_string())?;
+        let told = self.line.publish_end(end.clone());
         // Results are those of the drive, however its messages were written.
         *end = EpisodeEnd { digest: Vec::new(), ..told };
         let recorded = self.recorder.map(|patience| self.line.await_recorded(patience));

@@ -10,6 +10,9 @@
 
 use std::collections::VecDeque;
 
+/// How often a scene is driven again because this program stood still.
+const REPEATS: usize = 5;
+
 /// How often in a row a part may fail to start before it is given up.
 pub const TRIES: u32 = 3;
 
@@ -33,10 +36,28 @@ pub enum Event {
         /// Whether the recorder has all of it.
         recorded: bool,
     },
+    /// An episode failed while this program stood still: that says nothing of the driver, and is not stored.
+    Disturbed {
+        /// By whom it was driven.
+        worker: usize,
+        /// Which.
+        scene: usize,
+    },
     /// The run cannot go on: a file that cannot be written.
     Broken(String),
     /// Somebody pressed Ctrl-C.
     Interrupted,
+}
+
+/// A scene to be driven.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Drive {
+    /// Its place in the set.
+    pub scene: usize,
+    /// Whether a recorder listens.
+    pub record: bool,
+    /// Whether it will be driven again if a pause of this program spoils it.
+    pub repeatable: bool,
 }
 
 /// What the run does to the world. Nothing here waits: what comes of it is an [`Event`].
@@ -46,7 +67,7 @@ pub trait Effects {
     /// Starts a worker's nodes, in the place of those it has.
     fn start_nodes(&mut self, worker: usize);
     /// Drives a scene.
-    fn drive(&mut self, worker: usize, scene: usize, record: bool);
+    fn drive(&mut self, worker: usize, drive: Drive);
     /// Tells the user something that a table cannot.
     fn warn(&mut self, text: &str);
     /// Stops everything, now.
@@ -93,6 +114,8 @@ pub struct Core {
     recorder: Recorder,
     /// How often the recorder was lost since it last had an episode whole.
     recorder_losses: u32,
+    /// Scenes that a pause spoiled, as often as it did.
+    spoiled: Vec<usize>,
     /// Whether any episode was driven: before that, a part that does not start is a mistake of the user's, to be told at once.
     proven: bool,
     /// How it ended, once it has.
@@ -110,6 +133,7 @@ impl Core {
             worker_losses: vec![0; workers],
             recorder: if record { Recorder::Starting } else { Recorder::NotWanted },
             recorder_losses: 0,
+            spoiled: Vec::new(),
             proven: false,
             ending: None,
         }
@@ -153,6 +177,13 @@ impl Core {
                 self.worker_losses[worker] = 0;
             }
             Event::NodesLost(worker, reason) => self.nodes_lost(worker, reason, effects),
+            Event::Disturbed { worker, scene } => {
+                effects.warn("this program stood still for a while: an episode that failed meanwhile is driven again");
+                self.spoiled.push(scene);
+                self.pending.push_front(scene);
+                self.workers[worker] = Worker::Starting;
+                effects.start_nodes(worker);
+            }
             Event::Driven { worker, driver_failed, recorded } => {
                 self.proven = true;
                 if recorded {
@@ -206,7 +237,8 @@ impl Core {
                 && let Some(scene) = self.pending.pop_front()
             {
                 self.workers[worker] = Worker::Driving;
-                effects.drive(worker, scene, self.recorder == Recorder::Ready);
+                let repeatable = self.spoiled.iter().filter(|spoiled| **spoiled == scene).count() < REPEATS;
+                effects.drive(worker, Drive { scene, record: self.recorder == Recorder::Ready, repeatable });
             }
         }
         if self.pending.is_empty() && !self.workers.contains(&Worker::Driving) {

@@ -4,13 +4,15 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use proptest::prelude::*;
 
-use super::core::{Core, Effects, Ending, Event, TRIES};
+use super::core::{Core, Drive, Effects, Ending, Event, TRIES};
 
 /// What the script says of the next thing of a kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fate {
     Well,
     Fails,
+    /// Fails while the program stands still.
+    IsSpoiled,
 }
 
 /// A world that does at once, or fails to do, what it is asked.
@@ -54,7 +56,7 @@ impl Effects for Script {
                 self.recorder_ready = true;
                 self.events.push_back(Event::RecorderReady);
             }
-            Fate::Fails => self.events.push_back(Event::RecorderLost("no recorder".to_owned())),
+            _ => self.events.push_back(Event::RecorderLost("no recorder".to_owned())),
         }
     }
 
@@ -64,16 +66,20 @@ impl Effects for Script {
                 self.ready.insert(worker);
                 self.events.push_back(Event::NodesReady(worker));
             }
-            Fate::Fails => self.events.push_back(Event::NodesLost(worker, "no nodes".to_owned())),
+            _ => self.events.push_back(Event::NodesLost(worker, "no nodes".to_owned())),
         }
     }
 
-    fn drive(&mut self, worker: usize, scene: usize, record: bool) {
+    fn drive(&mut self, worker: usize, Drive { scene, record, repeatable }: Drive) {
         assert!(self.ready.contains(&worker), "worker {worker} drives without nodes");
         self.driven.entry(scene).or_default().push(record);
-        let driver_failed = Self::next(&mut self.drives) == Fate::Fails;
+        let fate = Self::next(&mut self.drives);
+        let driver_failed = fate != Fate::Well;
         if driver_failed {
             self.ready.remove(&worker);
+        }
+        if fate == Fate::IsSpoiled && repeatable {
+            return self.events.push_back(Event::Disturbed { worker, scene });
         }
         self.events.push_back(Event::Driven { worker, driver_failed, recorded: record });
     }
@@ -128,6 +134,17 @@ fn nodes_that_failed_are_started_again_before_the_next_scene() {
     let mut script = Script { drives: fails(3), ..Script::default() };
     assert_eq!(script.play(&mut Core::new((0..5).collect(), 1, false)), Ending::Complete);
     assert!(all_once(&script, 5), "{:?}", script.driven);
+}
+
+#[test]
+fn an_episode_that_a_pause_spoiled_is_driven_again_but_not_for_ever() {
+    let spoiled = |times: usize| vec![Fate::IsSpoiled; times].into();
+    let mut script = Script { drives: spoiled(2), ..Script::default() };
+    assert_eq!(script.play(&mut Core::new(vec![0, 1], 1, true)), Ending::Complete);
+    assert_eq!((script.driven[&0].len(), script.driven[&1].len()), (3, 1));
+    let mut script = Script { drives: spoiled(100), ..Script::default() };
+    assert_eq!(script.play(&mut Core::new(vec![0, 1], 1, true)), Ending::Complete);
+    assert_eq!((script.driven[&0].len(), script.driven[&1].len()), (6, 6));
 }
 
 #[test]

@@ -28,6 +28,12 @@ pub trait Driver {
     /// How the step went.
     fn step_done(&mut self, record: &StepRecord, events: &[Event]);
 
+    /// Told once, after the last step, how the episode ended: nothing more is asked.
+    ///
+    /// # Errors
+    /// What is wrong with what the driver said all in all, as a sentence: then it failed after all.
+    fn dismiss(&mut self, end: &EpisodeEnd) -> Result<(), String>;
+
     /// How the episode ended, and the events that no step had. Fills in how many messages there were.
     ///
     /// # Errors
@@ -84,9 +90,19 @@ pub fn drive(mut episode: Episode, driver: &mut impl Driver, clock: &impl Clock,
     if stop.load(Ordering::Relaxed) {
         return None;
     }
-    // Events of steps have been told; that of a failure belongs to none.
-    let untold = failure.map_or_else(Vec::new, |reason| episode.fail(reason).events.clone());
     let mut outcome = episode.finish();
+    if failure.is_none() {
+        failure = driver.dismiss(&outcome.end).err();
+    }
+    // Events of steps have been told; that of a failure belongs to none.
+    let mut untold = Vec::new();
+    if let Some(reason) = failure {
+        if stop.load(Ordering::Relaxed) {
+            return None;
+        }
+        untold.clone_from(&episode.fail(reason).events);
+        outcome = episode.finish();
+    }
     let recording = driver.end(&untold, &mut outcome.end);
     lap(&mut timing.recording);
     answers.sort_unstable();
@@ -130,6 +146,7 @@ mod tests {
     struct Straight<'a> {
         clock: &'a Script,
         fails_at: Option<u32>,
+        says_too_much: bool,
         heard: Vec<String>,
     }
 
@@ -158,6 +175,11 @@ mod tests {
             self.heard.push(format!("step {}", record.step));
         }
 
+        fn dismiss(&mut self, end: &EpisodeEnd) -> Result<(), String> {
+            self.heard.push(format!("{:?}", end.reason()));
+            if self.says_too_much { Err("one plan too many".to_owned()) } else { Ok(()) }
+        }
+
         fn end(&mut self, events: &[Event], end: &mut EpisodeEnd) -> Result<(), String> {
             self.clock.pass(7);
             self.heard.extend(events.iter().map(|event| event.text.clone()));
@@ -174,11 +196,11 @@ mod tests {
     #[test]
     fn a_driver_is_told_everything_in_order_and_time_is_booked_where_it_went() {
         let clock = Script::default();
-        let mut driver = Straight { clock: &clock, fails_at: None, heard: Vec::new() };
+        let mut driver = Straight { clock: &clock, fails_at: None, says_too_much: false, heard: Vec::new() };
         let driven = drive(episode(), &mut driver, &clock, &AtomicBool::new(false)).unwrap();
         let steps = driven.outcome.records.len();
         assert!(steps > 10);
-        assert_eq!(driver.heard.len(), steps + 2);
+        assert_eq!(driver.heard.len(), steps + 3);
         assert_eq!(driver.heard[1], "step 0");
         assert_eq!(driven.recording, Ok(()));
         let timing = driven.timing;
@@ -191,16 +213,30 @@ mod tests {
     #[test]
     fn a_driver_that_fails_ends_its_episode_with_the_reason() {
         let clock = Script::default();
-        let mut driver = Straight { clock: &clock, fails_at: Some(3), heard: Vec::new() };
+        let mut driver = Straight { clock: &clock, fails_at: Some(3), says_too_much: false, heard: Vec::new() };
         let Driven { outcome, .. } = drive(episode(), &mut driver, &clock, &AtomicBool::new(false)).unwrap();
         assert_eq!((outcome.end.reason(), outcome.end.detail.as_str()), (EndReason::DriverFailed, "no idea"));
         assert_eq!(driver.heard[4..], ["the driver failed: no idea", "DriverFailed after 3"]);
     }
 
     #[test]
+    fn a_driver_that_says_too_much_fails_after_the_last_step() {
+        let clock = Script::default();
+        let mut driver = Straight { clock: &clock, fails_at: None, says_too_much: true, heard: Vec::new() };
+        let Driven { outcome, .. } = drive(episode(), &mut driver, &clock, &AtomicBool::new(false)).unwrap();
+        assert_eq!((outcome.end.reason(), outcome.end.detail.as_str()), (EndReason::DriverFailed, "one plan too many"));
+        let steps = outcome.records.len();
+        assert_eq!(driver.heard[steps + 2], "the driver failed: one plan too many");
+        assert_eq!(
+            outcome.events.last().map(|event| event.text.as_str()),
+            Some("the driver failed: one plan too many")
+        );
+    }
+
+    #[test]
     fn a_stopped_drive_has_no_outcome() {
         let clock = Script::default();
-        let mut driver = Straight { clock: &clock, fails_at: Some(3), heard: Vec::new() };
+        let mut driver = Straight { clock: &clock, fails_at: Some(3), says_too_much: false, heard: Vec::new() };
         assert!(drive(episode(), &mut driver, &clock, &AtomicBool::new(true)).is_none());
     }
 }

@@ -18,9 +18,9 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -33,14 +33,14 @@ use results::settings::{Build, Planner, RunFile, SceneLine};
 use scenarios::{SceneSet, SetError};
 use thiserror::Error;
 use wire::cores::Cores;
-use wire::hub::{Hub, HubSettings};
-use wire::keys::KeyError;
+use wire::hub::{Hub, HubSettings, Seat};
+use wire::keys::{KeyError, Role, Secret, Workers};
 use wire::proto::RunInfo;
-use wire::session::SessionError;
+use wire::session::{self, SessionError};
 
 use self::clock::{Clock, WallClock};
 use self::console::Console;
-use self::core::{Core, Effects, Ending, Event};
+use self::core::{Core, Drive, Effects, Ending, Event};
 use self::interrupt::Interrupts;
 use self::progress::Progress;
 use self::timing::Breakdown;
@@ -195,7 +195,7 @@ fn drive_pending(
     if let Some(cores) = cores.filter(|_| alone) {
         cores.one(0).and_then(|one| one.keep_to()).map_err(RunError::Pin)?;
     }
-    let hub = open_bus(&file, console)?;
+    let (hub, external) = open_bus(&file, console)?;
     if let Some(cores) = cores {
         cores.keep_to().map_err(RunError::Pin)?;
     }
@@ -204,6 +204,8 @@ fn drive_pending(
         file,
         folder,
         hub,
+        external,
+        recorder: Mutex::default(),
         cores,
         clock,
         console: console.clone(),
@@ -231,8 +233,8 @@ fn drive_pending(
     Ok(Done { folder: path, breakdown })
 }
 
-/// The bus of a run. Its name says nothing of the folder, so that recordings of the same run are the same anywhere.
-fn open_bus(file: &RunFile, console: &Console) -> Result<Hub, RunError> {
+/// The bus of a run, and the place of a planner that is not the sim's to start. Its name says nothing of the folder, so that recordings of the same run are the same anywhere.
+fn open_bus(file: &RunFile, console: &Console) -> Result<(Hub, Option<Arc<Seat>>), RunError> {
     let name = format!("{}-{}", file.settings.driver, file.settings.protocol.name());
     let settings = HubSettings { endpoint: file.machine.endpoint.clone(), deadline: file.settings.deadline() };
     let hub = Hub::open_with(&name.parse()?, &settings)?;
@@ -244,13 +246,31 @@ fn open_bus(file: &RunFile, console: &Console) -> Result<Hub, RunError> {
     })?;
     let (endpoint, run) = (hub.endpoint(), hub.run());
     tracing::info!("run {run} at {endpoint}");
-    if file.settings.planner == Planner::External {
-        let patience = file.machine.start_timeout_s;
-        console.line(&format!(
-            "waiting up to {patience} s for your planner: --endpoint {endpoint} --run {run} --worker '*'"
-        ));
+    if session::is_beyond_loopback(endpoint) {
+        tracing::warn!(
+            "the bus listens beyond this machine, at {endpoint}, and nothing on it is encrypted: whoever can listen on the way \
+             reads it, and can pass for a node"
+        );
     }
-    Ok(hub)
+    if file.settings.planner != Planner::External {
+        return Ok((hub, None));
+    }
+    // Whoever starts both may have told both already.
+    let secret = Secret::of_this_process();
+    let seat = match &secret {
+        Some(secret) => hub.seat_with(Role::Planner, &Workers::All, secret.clone())?,
+        None => hub.seat(Role::Planner, &Workers::All)?,
+    };
+    let patience = file.machine.start_timeout_s;
+    let environment = match secret {
+        Some(_) => format!("{} as here", Secret::VARIABLE),
+        None => format!("{}={}", Secret::VARIABLE, seat.secret().reveal()),
+    };
+    console.line(&format!(
+        "waiting up to {patience} s for your planner: {environment} in its environment, and --endpoint {endpoint} --run {run} \
+         --worker '*'"
+    ));
+    Ok((hub, Some(Arc::new(seat))))
 }
 
 /// Drives the scenes of these places. All that was started is gone when it returns.
@@ -334,8 +354,8 @@ impl Effects for Machinery {
         let _ = self.workers[worker].try_send(Order::StartNodes);
     }
 
-    fn drive(&mut self, worker: usize, scene: usize, record: bool) {
-        let _ = self.workers[worker].try_send(Order::Drive { scene, record });
+    fn drive(&mut self, worker: usize, drive: Drive) {
+        let _ = self.workers[worker].try_send(Order::Drive(drive));
     }
 
     fn warn(&mut self, text: &str) {

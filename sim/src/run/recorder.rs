@@ -1,10 +1,9 @@
 //! The recorder's thread: starts it when told to, and says when it is gone, or hears nothing any more.
 
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
+use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
-use wire::hub::Wanted;
 use wire::keys::{Role, Workers};
 
 use super::core::Event;
@@ -66,7 +65,9 @@ fn start(shared: &Shared, groups: &Groups) -> Result<Process, String> {
     let out = shared.folder.episodes();
     let out = out.to_string_lossy();
     let arguments = ["record", "--out", &out];
-    let mut process = shared.start_program("recorder", "the recorder", &arguments, groups)?;
-    shared.wait_for(Wanted { role: Role::Recorder, workers: Workers::All, name: None }, Some(&mut process))?;
+    let seat = shared.hub.seat(Role::Recorder, &Workers::All).map_err(|error| error.to_string())?;
+    let mut process = shared.start_program("recorder", "the recorder", &arguments, &seat, groups)?;
+    shared.wait_for(&seat, Some(&mut process))?;
+    *shared.recorder.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(seat));
     Ok(process)
 }

@@ -57,6 +57,10 @@ impl<D: Driver> Driver for Witness<'_, D> {
         self.driver.step_done(record, events);
     }
 
+    fn dismiss(&mut self, end: &EpisodeEnd) -> Result<(), String> {
+        self.driver.dismiss(end).map_err(|reason| self.testify(&reason))
+    }
+
     fn end(&mut self, events: &[Event], end: &mut EpisodeEnd) -> Result<(), String> {
         self.driver.end(events, end)
     }

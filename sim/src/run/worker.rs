@@ -3,9 +3,9 @@
 use std::cell::RefCell;
 use std::fs;
 use std::process::Command;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use episode::Episode;
@@ -15,15 +15,15 @@ use results::settings::Record;
 use results::settings::{Node, Planner, RunFile};
 use scenarios::SceneSet;
 use wire::cores::Cores;
-use wire::hub::{BarrierError, Hub, Wanted};
-use wire::keys::{Role, Worker as WorkerName, Workers};
+use wire::hub::{BarrierError, Cast, Hub, Seat};
+use wire::keys::{Role, Secret, Worker as WorkerName, Workers};
 use wire::proto::{AgentState, EndReason, EpisodeEnd};
 use world::scene::Scene;
 
 use super::bus::BusDriver;
 use super::clock::{Clock, WallClock};
 use super::console::Console;
-use super::core::Event;
+use super::core::{Drive, Event};
 use super::drive::{Driven, drive};
 use super::process::{Groups, Process, program};
 use super::shell;
@@ -39,15 +39,10 @@ pub enum Order {
     /// Start its nodes, in the place of those it has.
     StartNodes,
     /// Drive a scene.
-    Drive {
-        /// Its place in the set.
-        scene: usize,
-        /// Whether a recorder listens.
-        record: bool,
-    },
+    Drive(Drive),
 }
 
-/// What all workers share. Nothing of it changes during a run, but for `stop` and the groups.
+/// What all workers share. Nothing of it changes during a run, but for `stop`, the recorder and the groups.
 pub struct Shared {
     /// Where the scenes come from.
     pub scenes: SceneSet,
@@ -57,6 +52,10 @@ pub struct Shared {
     pub folder: Folder,
     /// The bus.
     pub hub: Hub,
+    /// The place of a planner that somebody else starts, and that serves all workers.
+    pub external: Option<Arc<Seat>>,
+    /// The place of the recorder that runs.
+    pub recorder: Mutex<Option<Arc<Seat>>>,
     /// The cores, if each worker keeps to one of them with its nodes.
     pub cores: Option<Cores>,
     /// Since the program began.
@@ -79,14 +78,21 @@ impl Shared {
         name: &str,
         process: &str,
         arguments: &[&str],
+        seat: &Seat,
         groups: &Groups,
     ) -> Result<Process, String> {
         let mut command = Command::new(program(name).map_err(|error| error.to_string())?);
         command.args(arguments);
-        self.start_command(process, command, groups)
+        self.start_command(process, command, seat, groups)
     }
 
-    fn start_command(&self, process: &str, mut command: Command, groups: &Groups) -> Result<Process, String> {
+    fn start_command(
+        &self,
+        process: &str,
+        mut command: Command,
+        seat: &Seat,
+        groups: &Groups,
+    ) -> Result<Process, String> {
         let run = self.hub.run().to_string();
         // Nodes say what the sim would say, unless the user said otherwise.
         if std::env::var_os("RUST_LOG").is_none() {
@@ -97,6 +103,8 @@ impl Shared {
         // In the environment too, for a planner's command that is a script.
         command.env("NO_COLOR", "1").env("RELOOP_ENDPOINT", self.hub.endpoint()).env("RELOOP_RUN", &run);
         command.env("RELOOP_EXIT_WITH_PARENT", "true");
+        // There alone: everybody on the machine can read arguments.
+        command.env(Secret::VARIABLE, seat.secret().reveal());
         command.args(["--endpoint", self.hub.endpoint(), "--run", &run, "--exit-with-parent"]);
         // The logs of a worker's nodes are one: what they say belongs together.
         let log = process.rsplit(' ').next().unwrap_or(process);
@@ -104,16 +112,21 @@ impl Shared {
         Process::start(process, command, groups, voice).map_err(|error| error.to_string())
     }
 
+    /// The place of the recorder that runs.
+    fn recorder(&self) -> Option<Arc<Seat>> {
+        self.recorder.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
     /// Waits until a node is on the bus; `process` is looked at meanwhile, if the sim started it.
     ///
     /// # Errors
     /// Why it will not come, as a sentence.
-    pub fn wait_for(&self, wanted: Wanted, process: Option<&mut Process>) -> Result<(), String> {
+    pub fn wait_for(&self, seat: &Seat, process: Option<&mut Process>) -> Result<(), String> {
         let name = process.as_ref().map(|process| process.name().to_owned());
         let process = RefCell::new(process);
         let gone = || process.borrow_mut().as_mut().and_then(|process| process.gone());
         let cancelled = || self.stop.load(Ordering::Relaxed) || gone().is_some();
-        match self.hub.wait_for_nodes(&[wanted], self.file.machine.start_timeout(), &cancelled) {
+        match self.hub.wait_for_nodes(&[seat], self.file.machine.start_timeout(), &cancelled) {
             Ok(()) => Ok(()),
             Err(error) => Err(match (gone(), name) {
                 (Some(how), Some(name)) => format!("{name} {how} before it was on the bus"),
@@ -133,14 +146,15 @@ pub fn work(number: usize, shared: &Arc<Shared>, orders: &Receiver<Order>, event
     {
         tracing::warn!("worker {number} is on no core of its own: {error}");
     }
-    let mut worker = Worker { number, name: WorkerName::numbered(number), shared, nodes: Vec::new(), starts: 0 };
+    let mut worker =
+        Worker { number, name: WorkerName::numbered(number), shared, nodes: Vec::new(), seats: None, starts: 0 };
     while let Ok(order) = orders.recv() {
         let event = match order {
             Order::StartNodes => match worker.start_nodes() {
                 Ok(()) => Event::NodesReady(number),
                 Err(reason) => Event::NodesLost(number, reason),
             },
-            Order::Drive { scene, record } => match worker.drive(scene, record) {
+            Order::Drive(drive) => match worker.drive(drive) {
                 Some(event) => event,
                 None => return,
             },
@@ -157,8 +171,15 @@ struct Worker<'a> {
     name: WorkerName,
     shared: &'a Shared,
     nodes: Vec<Process>,
-    /// How often nodes were started: each has a name of its own, lest one that was killed a moment ago is taken for it.
+    seats: Option<Seats>,
+    /// How often nodes were started, for their names.
     starts: u32,
+}
+
+/// The places of a worker's nodes on the bus.
+struct Seats {
+    planner: Arc<Seat>,
+    predictor: Option<Seat>,
 }
 
 impl Worker<'_> {
@@ -166,24 +187,38 @@ impl Worker<'_> {
         self.nodes.clear();
         self.starts += 1;
         let settings = &self.shared.file.settings;
-        let planner = match &settings.planner {
-            Planner::Node(node) => Some(self.start_node("planner-node", Role::Planner, node)?),
-            Planner::Command { command, .. } => Some(self.start_own_planner(command)?),
+        // New seats for new nodes: of those before none is heard any more.
+        let planner = match &self.shared.external {
+            Some(seat) => Arc::clone(seat),
+            None => Arc::new(self.seat(Role::Planner)?),
+        };
+        let process = match &settings.planner {
+            Planner::Node(node) => Some(self.start_node("planner-node", Role::Planner, node, &planner)?),
+            Planner::Command { command, .. } => Some(self.start_own_planner(command, &planner)?),
             Planner::External => None,
         };
-        let predictor = settings.predictor.as_ref();
-        let predictor = predictor.map(|node| self.start_node("predictor-node", Role::Predictor, node)).transpose()?;
+        let mut predictor = None;
+        if let Some(node) = &settings.predictor {
+            let seat = self.seat(Role::Predictor)?;
+            predictor = Some((self.start_node("predictor-node", Role::Predictor, node, &seat)?, seat));
+        }
         // Both start side by side; then both are waited for.
-        let predicts = predictor.is_some();
-        self.wait_for(Role::Planner, planner)?;
-        if predicts { self.wait_for(Role::Predictor, predictor) } else { Ok(()) }
+        self.wait_for(&planner, process)?;
+        let mut seats = Seats { planner, predictor: None };
+        if let Some((process, seat)) = predictor {
+            self.wait_for(&seat, Some(process))?;
+            seats.predictor = Some(seat);
+        }
+        self.seats = Some(seats);
+        Ok(())
     }
 
-    fn wait_for(&mut self, role: Role, mut process: Option<Process>) -> Result<(), String> {
-        // A process of the sim's must come itself; one that is started by hand may have any name.
-        let name = process.is_some().then(|| self.node_name());
-        let wanted = Wanted { role, workers: Workers::One(self.name.clone()), name };
-        self.shared.wait_for(wanted, process.as_mut())?;
+    fn seat(&self, role: Role) -> Result<Seat, String> {
+        self.shared.hub.seat(role, &Workers::One(self.name.clone())).map_err(|error| error.to_string())
+    }
+
+    fn wait_for(&mut self, seat: &Seat, mut process: Option<Process>) -> Result<(), String> {
+        self.shared.wait_for(seat, process.as_mut())?;
         self.nodes.extend(process);
         Ok(())
     }
@@ -192,7 +227,7 @@ impl Worker<'_> {
         format!("{}.{}", self.name, self.starts)
     }
 
-    fn start_node(&self, program: &str, role: Role, node: &Node) -> Result<Process, String> {
+    fn start_node(&self, program: &str, role: Role, node: &Node, seat: &Seat) -> Result<Process, String> {
         let (worker, name) = (self.name.to_string(), self.node_name());
         let which = format!("--{role}");
         let mut arguments = vec![&*which, &node.name, "--worker", &worker, "--name", &name];
@@ -200,15 +235,15 @@ impl Worker<'_> {
             let inputs = self.shared.file.machine.scenarios.iter();
             arguments.extend(inputs.flat_map(|input| ["--scenarios", input.as_str()]));
         }
-        self.shared.start_program(program, &format!("{role} {worker}"), &arguments, &self.shared.groups)
+        self.shared.start_program(program, &format!("{role} {worker}"), &arguments, seat, &self.shared.groups)
     }
 
-    fn start_own_planner(&self, command: &str) -> Result<Process, String> {
+    fn start_own_planner(&self, command: &str, seat: &Seat) -> Result<Process, String> {
         let (worker, name) = (self.name.to_string(), self.node_name());
         let mut shell = Command::new("sh");
         shell.args(["-c", &shell::line(command), "sh", "--worker", &worker, "--name", &name]);
         shell.env("RELOOP_WORKER", &worker).env("RELOOP_NAME", &name);
-        self.shared.start_command(&format!("planner {worker}"), shell, &self.shared.groups)
+        self.shared.start_command(&format!("planner {worker}"), shell, seat, &self.shared.groups)
     }
 
     fn stop_nodes(&mut self) {
@@ -216,8 +251,9 @@ impl Worker<'_> {
     }
 
     /// Drives a scene and stores what came of it; none where the run is stopped before that.
-    fn drive(&mut self, scene: usize, record: bool) -> Option<Event> {
+    fn drive(&mut self, Drive { scene, record, repeatable }: Drive) -> Option<Event> {
         let shared = self.shared;
+        let pauses = shared.hub.pauses();
         let begin = shared.clock.now();
         let id = &shared.scenes.entries()[scene].id;
         let loaded = shared.scenes.load(scene);
@@ -248,6 +284,10 @@ impl Worker<'_> {
         }
         let driver_failed = part.reason() == EndReason::DriverFailed;
         let recorded = part.recorded && part.recording_error.is_empty();
+        let spoiled = driver_failed || part.recorded && !recorded;
+        if spoiled && repeatable && shared.hub.pauses() != pauses {
+            return Some(Event::Disturbed { worker: self.number, scene });
+        }
         if let Err(error) = self
             .drop_unwanted_recording(id.as_str(), &mut part)
             .and_then(|()| shared.folder.store(id.as_str(), &part).map_err(|error| error.to_string()))
@@ -262,7 +302,13 @@ impl Worker<'_> {
         let settings = &shared.file.settings;
         let start = AgentState::from(&episode.observe().av);
         let start_log_index = episode.briefing().start;
-        let driver = match BusDriver::new(&shared.hub, &self.name, scene, settings, record.then_some(CLOSING)) {
+        let recorder = if record { shared.recorder() } else { None };
+        let Some(seats) = &self.seats else {
+            return Some(self.unreadable(scene.id().as_str(), "its worker has no nodes"));
+        };
+        let cast = Cast { planner: &seats.planner, predictor: seats.predictor.as_ref(), recorder: recorder.as_deref() };
+        let deadline = settings.deadline();
+        let driver = match BusDriver::new(&shared.hub, &self.name, scene, cast, deadline, CLOSING) {
             Ok(driver) => driver,
             Err(reason) => return Some(self.unreadable(scene.id().as_str(), &reason)),
         };

@@ -2,6 +2,7 @@
 //!
 //! | file | what is claimed |
 //! | --- | --- |
+//! | `bus.rs` | second planners, strays and strangers are named and change nothing |
 //! | `demo.rs` | one command, a table, a folder; finished runs and other runs' folders are left alone |
 //! | `repeat.rs` | same command, same bytes, for any number of workers |
 //! | `killed.rs` | a killed run is continued, and comes out as if it had not been |
@@ -12,12 +13,14 @@
 //! | `interrupt.rs` | Ctrl-C leaves nothing running |
 //! | `future.rs` | no message holds a logged state later than its step |
 //! | `redrive.rs` | the plans of a recording give its drive again |
+//! | `pause.rs` | a run that stands still for a while comes out as if it had not |
 //! | `paper.rs` | under `paper` the nodes get the authors' numbers |
 //! | `real_scenes.rs` | real scenes come to a result, where they are at hand |
 //! | `stage.rs`, `recording.rs` | what they share: running programs, comparing folders, reading MCAP |
 
 #![allow(clippy::unwrap_used, clippy::expect_used, missing_docs, reason = "a test may panic")]
 
+mod bus;
 mod demo;
 mod future;
 mod healed;
@@ -25,6 +28,7 @@ mod interrupt;
 mod killed;
 mod nodes;
 mod paper;
+mod pause;
 mod planner_command;
 mod real_scenes;
 mod recorder;

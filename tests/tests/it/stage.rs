@@ -91,6 +91,13 @@ impl Stage {
         command
     }
 
+    /// Another program of the workspace, in this folder.
+    pub fn beside(&self, name: &str) -> Command {
+        let mut command = Command::new(program(name));
+        command.current_dir(self.folder.path()).env(MARK, self.folder.path()).env_remove("RUST_LOG");
+        command
+    }
+
     /// Runs `sim` to its end, and sees that nothing else is left running.
     pub fn sim(&self, arguments: &str) -> Ended {
         let output = self.command(arguments).output().unwrap();

@@ -8,7 +8,7 @@ use world::plan::{
 use world::scene::TrackId;
 
 use super::scene::MAX_AGENTS;
-use super::{Checked, Message, MessageError, bounded, each, finite, same_length};
+use super::{Checked, Message, MessageError, bounded, each, finite, same_length, shown, unsigned};
 use crate::proto;
 
 /// Futures, terms of an objective, weights.
@@ -26,7 +26,7 @@ impl From<Control> for proto::Control {
 
 impl From<proto::Control> for Control {
     fn from(control: proto::Control) -> Self {
-        Self { acceleration: control.acceleration, steering: control.steering }
+        Self { acceleration: unsigned(control.acceleration), steering: unsigned(control.steering) }
     }
 }
 
@@ -70,7 +70,12 @@ impl TryFrom<proto::Plan> for UncheckedPlan {
 
 fn plan(message: proto::Plan) -> Checked<UncheckedPlan> {
     bounded("status", MAX_TEXT, message.status.len())?;
-    let state = |s: proto::PlanState| PlanState { x: s.x, y: s.y, heading: s.heading, speed: s.speed };
+    let state = |s: proto::PlanState| PlanState {
+        x: unsigned(s.x),
+        y: unsigned(s.y),
+        heading: unsigned(s.heading),
+        speed: unsigned(s.speed),
+    };
     Ok(UncheckedPlan {
         step: message.step,
         states: message.states.into_iter().map(state).collect(),
@@ -78,10 +83,10 @@ fn plan(message: proto::Plan) -> Checked<UncheckedPlan> {
         diagnostics: Diagnostics {
             objective: each("objective", MAX_ENTRIES, message.objective, |term| {
                 bounded("name", MAX_TEXT, term.name.len())?;
-                Ok((term.name, term.value))
+                Ok((shown(&term.name), unsigned(term.value)))
             })?,
             iterations: message.iterations,
-            status: message.status,
+            status: shown(&message.status),
         },
     })
 }
@@ -129,12 +134,12 @@ fn prediction(message: proto::Prediction) -> Checked<UncheckedPrediction> {
         step: message.step,
         futures: each("futures", MAX_ENTRIES, message.futures, |future| {
             Ok(Future {
-                probability: future.probability,
+                probability: unsigned(future.probability),
                 trajectories: each("trajectories", MAX_AGENTS, future.trajectories, trajectory)?,
             })
         })?,
         initial_controls: message.initial_controls.into_iter().map(Into::into).collect(),
-        cost_weights: message.cost_weights,
+        cost_weights: message.cost_weights.into_iter().map(unsigned).collect(),
     })
 }
 
@@ -144,10 +149,11 @@ fn trajectory(message: proto::PredictedTrajectory) -> Checked<PredictedTrajector
     let poses = message.x.iter().zip(&message.y).zip(&message.heading);
     Ok(PredictedTrajectory {
         track: TrackId(message.track),
-        poses: poses.map(|((&x, &y), &heading)| Pose::new(x, y, heading)).collect(),
+        poses: poses.map(|((&x, &y), &heading)| Pose::new(unsigned(x), unsigned(y), unsigned(heading))).collect(),
     })
 }
 
 fn refuse(error: &str) -> Result<(), MessageError> {
-    if error.is_empty() { Ok(()) } else { Err(MessageError::Refused(error.chars().take(MAX_ERROR_CHARS).collect())) }
+    let told: String = error.chars().take(MAX_ERROR_CHARS).collect();
+    if error.is_empty() { Ok(()) } else { Err(MessageError::Refused(shown(&told))) }
 }

@@ -4,7 +4,9 @@ use world::geometry::Point3;
 use world::map::{Area, BoundarySegment, Lane, LaneNeighbor, Map, MapId, RoadEdge, RoadLine, StopSign};
 
 use super::agents::{lane_kind, road_edge_kind, road_line_kind};
-use super::{Checked, FieldError, Problem, Within, all_finite, each, finite, not_negative, required, same_length};
+use super::{
+    Checked, FieldError, Problem, Within, all_finite, each, finite, not_negative, required, same_length, unsigned,
+};
 use crate::proto;
 
 /// Features of one kind in a map. Waymo's largest maps have some thousands.
@@ -187,6 +189,10 @@ fn ids(field: &str, numbers: Vec<i64>) -> Checked<Vec<MapId>> {
     Ok(numbers.into_iter().map(MapId).collect())
 }
 
+fn point(x: f64, y: f64, z: f64) -> Point3 {
+    Point3 { x: unsigned(x), y: unsigned(y), z: unsigned(z) }
+}
+
 fn points(field: &str, polyline: Option<proto::Polyline>) -> Checked<Vec<Point3>> {
     let line = required(field, polyline)?;
     let check = || {
@@ -200,5 +206,5 @@ fn points(field: &str, polyline: Option<proto::Polyline>) -> Checked<Vec<Point3>
         all_finite("z", &line.z)
     };
     check().within(field)?;
-    Ok(line.x.iter().zip(&line.y).zip(&line.z).map(|((&x, &y), &z)| Point3 { x, y, z }).collect())
+    Ok(line.x.iter().zip(&line.y).zip(&line.z).map(|((&x, &y), &z)| point(x, y, z)).collect())
 }

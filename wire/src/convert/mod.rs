@@ -52,6 +52,14 @@ pub enum MessageError {
         /// What is wrong with it.
         problem: Problem,
     },
+    /// It is for another episode than the one that is on.
+    #[error("it is for episode {got}, but episode {expected} is on")]
+    OtherEpisode {
+        /// The number of the one that is on.
+        expected: u64,
+        /// The one that it says.
+        got: u64,
+    },
     /// The node says that it cannot answer, and why.
     #[error("it cannot answer: {0}")]
     Refused(String),
@@ -119,7 +127,12 @@ fn required<T>(field: &str, value: Option<T>) -> Checked<T> {
 }
 
 fn finite(field: &str, value: f64) -> Checked<f64> {
-    if value.is_finite() { Ok(value) } else { Err(FieldError::new(field, Problem::NotFinite)) }
+    if value.is_finite() { Ok(unsigned(value)) } else { Err(FieldError::new(field, Problem::NotFinite)) }
+}
+
+/// The value, and 0 for -0. Prost sends nothing for -0, Google's protobuf its sign: one driver in two languages would come to differ.
+fn unsigned(value: f64) -> f64 {
+    value + 0.0
 }
 
 fn not_negative(field: &str, value: f64) -> Checked<f64> {
@@ -131,6 +144,11 @@ fn all_finite(field: &str, values: &[f64]) -> Checked<()> {
         None => Ok(()),
         Some(index) => Err(FieldError::new(&format!("{field}[{index}]"), Problem::NotFinite)),
     }
+}
+
+fn all_unsigned(mut values: Vec<f64>) -> Vec<f64> {
+    values.iter_mut().for_each(|value| *value = unsigned(*value));
+    values
 }
 
 fn bounded(field: &str, limit: usize, got: usize) -> Checked<()> {
@@ -165,6 +183,20 @@ macro_rules! messages {
     };
 }
 
+/// What others wrote, as it can be shown: control characters, which could clear a terminal or forge lines of a log, are escaped.
+#[must_use]
+pub fn shown(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    for character in text.chars() {
+        if character.is_control() {
+            shown.extend(character.escape_default());
+        } else {
+            shown.push(character);
+        }
+    }
+    shown
+}
+
 const KIB: usize = 1024;
 const MIB: usize = 1024 * KIB;
 
@@ -181,6 +213,7 @@ messages! {
     EpisodeEnd: 256 * KIB,
     RunInfo: 4 * MIB,
     Recorded: 64 * KIB,
+    Admission: 64 * KIB,
 }
 
 /// The message in `bytes`.

@@ -11,8 +11,8 @@ use world::scene::SceneId;
 use super::agents::{agent, agent_state};
 use super::map::map;
 use super::{
-    Checked, FieldError, Message, MessageError, Problem, Within, all_finite, bounded, each, not_negative, required,
-    same_length,
+    Checked, FieldError, Message, MessageError, Problem, Within, all_finite, all_unsigned, bounded, each, not_negative,
+    required, same_length,
 };
 use crate::{WIRE_VERSION, proto};
 
@@ -118,12 +118,12 @@ pub(super) fn line(line: proto::ReferenceLine) -> Checked<ReferenceLine> {
     }
     same_length("crosswalk", samples, line.crosswalk.len())?;
     Ok(ReferenceLine {
-        x: line.x,
-        y: line.y,
-        z: line.z,
-        heading: line.heading,
-        curvature: line.curvature,
-        speed_limit: line.speed_limit,
+        x: all_unsigned(line.x),
+        y: all_unsigned(line.y),
+        z: all_unsigned(line.z),
+        heading: all_unsigned(line.heading),
+        curvature: all_unsigned(line.curvature),
+        speed_limit: all_unsigned(line.speed_limit),
         crosswalk: line.crosswalk,
     })
 }

@@ -192,6 +192,9 @@ fn take_as_anything(bytes: &[u8]) {
     fuzzing::observation(bytes);
     fuzzing::plan(bytes);
     fuzzing::prediction(bytes);
+    fuzzing::told(bytes);
+    fuzzing::answer(bytes);
+    fuzzing::admission(bytes);
     fuzzing::key(bytes);
 }
 
@@ -224,7 +227,7 @@ proptest! {
     }
 
     #[test]
-    fn texts_that_look_like_keys_are_taken_or_refused(key in "reloop/[a-z]{0,2}/(@tape/|@node/)?([a-z@*0-9]{0,3}/){0,4}(plan|end|1|x)?") {
+    fn texts_that_look_like_keys_are_taken_or_refused(key in "reloop/[a-z]{0,2}/(@seat-[a-z0-9]{0,2}/)?(@tape/|@node/)?([a-z@*0-9]{0,3}/){0,5}(told|plan|end|1|x)?") {
         fuzzing::key(key.as_bytes());
     }
 
@@ -325,4 +328,52 @@ fn a_node_that_cannot_answer_is_quoted() {
     let refused = MessageError::Refused("no lane here".to_owned());
     assert_eq!(UncheckedPlan::try_from(message), Err(refused.clone()));
     assert_eq!(refused.to_string(), "it cannot answer: no lane here");
+}
+
+#[test]
+fn a_negative_zero_arrives_as_zero_whatever_library_sent_it() {
+    // As Google's protobuf writes `PlanState(x=-0.0)`; prost leaves the field out.
+    let x_of_first_state = [0x12, 9, 0x09, 0, 0, 0, 0, 0, 0, 0, 0x80];
+    let message = decode::<proto::Plan>(&x_of_first_state).unwrap();
+    assert!(message.states[0].x.is_sign_negative());
+    let plan = UncheckedPlan::try_from(message).unwrap();
+    assert!(plan.states[0].x.is_sign_positive());
+    let text = |zero: f64| {
+        let state = proto::PlanState { x: zero, y: zero, heading: zero, speed: zero };
+        let control = proto::Control { acceleration: zero, steering: zero };
+        let term = proto::ObjectiveTerm { name: "t".to_owned(), value: zero };
+        let plan =
+            proto::Plan { states: vec![state], controls: vec![control], objective: vec![term], ..Default::default() };
+        let trajectory = proto::PredictedTrajectory { track: 1, x: vec![zero], y: vec![zero], heading: vec![zero] };
+        let future = proto::Future { probability: zero, trajectories: vec![trajectory] };
+        let prediction = proto::Prediction {
+            futures: vec![future],
+            initial_controls: vec![control],
+            cost_weights: vec![zero],
+            ..Default::default()
+        };
+        let (plan, prediction) = (UncheckedPlan::try_from(plan), UncheckedPrediction::try_from(prediction));
+        format!("{plan:?} {prediction:?}")
+    };
+    assert_eq!(text(-0.0), text(0.0));
+    let mut observation = proto::Observation::from(&crate::node::desk::tests::observation(0));
+    let mut seen = |zero: f64| {
+        let av = proto::AgentState { x: zero, y: zero, z: zero, heading: zero, velocity_x: zero, ..Default::default() };
+        observation.av = Some(av);
+        let line = observation.window.get_or_insert_default();
+        (line.x, line.y, line.z) = (vec![zero], vec![zero], vec![zero]);
+        (line.heading, line.curvature, line.speed_limit) = (vec![zero], vec![zero], vec![zero]);
+        line.crosswalk = vec![false];
+        format!("{:?}", Observation::try_from(observation.clone()).unwrap())
+    };
+    assert_eq!(seen(-0.0), seen(0.0));
+}
+
+#[test]
+fn control_characters_of_nodes_are_escaped() {
+    let plan = proto::Plan { error: "no\u{1b}[2Jway\n\rahead é".to_owned(), ..Default::default() };
+    let error = UncheckedPlan::try_from(plan).unwrap_err().to_string();
+    assert_eq!(error, r"it cannot answer: no\u{1b}[2Jway\n\rahead é");
+    let plan = proto::Plan { status: "fine\u{7}".to_owned(), ..Default::default() };
+    assert_eq!(UncheckedPlan::try_from(plan).unwrap().diagnostics.status, r"fine\u{7}");
 }

@@ -14,12 +14,14 @@ use zenoh::Wait;
 use zenoh::bytes::ZBytes;
 use zenoh::pubsub::Publisher;
 
+use super::seat::{Inner, Seat};
 use super::{Shared, lock};
-use crate::convert::{Message, MessageError, decode};
+use crate::convert::{Message, MessageError, decode, shown};
 use crate::digest::Digest;
-use crate::keys::{Address, Channel, Role, Worker};
+use crate::envelope::{self, Saying, Telling};
+use crate::keys::{Address, Channel, NodeId, Place, Role, Worker};
 use crate::proto;
-use crate::session::{self, SessionError};
+use crate::session::SessionError;
 use crate::waiting;
 
 /// Answers that may wait in a line's inbox. An honest node sends one and waits for the next observation.
@@ -50,9 +52,23 @@ pub enum LineError {
         /// Why.
         error: MessageError,
     },
+    /// It says something that it was not asked for.
+    #[error("the {role} says more than it was asked for: {what}")]
+    Surplus {
+        /// Who.
+        role: Role,
+        /// What came.
+        what: String,
+    },
     /// Answers come that nobody asked for.
     #[error("more than {INBOX} answers wait: a node sends what it was not asked for")]
     Flooded,
+    /// Somebody told the node something, and it was not the simulator.
+    #[error("somebody else spoke to the {role} in the simulator's name")]
+    Intruded {
+        /// To whom.
+        role: Role,
+    },
     /// The recording lacks something.
     #[error("the recording is not whole: {what} {sent} sent, {recorded} recorded")]
     NotWhole {
@@ -70,7 +86,7 @@ pub enum LineError {
     #[error("the recorder failed: {0}")]
     NotRecorded(String),
     /// The episode is already open.
-    #[error("episode {scene} is already on at worker {worker}")]
+    #[error("worker {worker} has an episode on already; {scene} is another")]
     Busy {
         /// The episode.
         scene: SceneId,
@@ -90,18 +106,24 @@ pub(super) struct Inbox {
 }
 
 enum Incoming {
-    Answer(Channel, ZBytes),
+    Answer(Role, ZBytes),
     /// Some node that may be this line's is gone: look.
     NodeLost,
+    /// Somebody else spoke to the node of this role.
+    Intruded(Role),
 }
 
 impl Inbox {
-    pub(super) fn deliver(&self, channel: Channel, payload: &ZBytes) {
-        self.push(Incoming::Answer(channel, payload.clone()));
+    pub(super) fn deliver(&self, role: Role, payload: &ZBytes) {
+        self.push(Incoming::Answer(role, payload.clone()));
     }
 
     pub(super) fn node_lost(&self) {
         self.push(Incoming::NodeLost);
+    }
+
+    pub(super) fn intruded(&self, role: Role) {
+        self.push(Incoming::Intruded(role));
     }
 
     fn push(&self, incoming: Incoming) {
@@ -111,15 +133,44 @@ impl Inbox {
     }
 }
 
+/// The nodes that an episode is driven with.
+#[derive(Clone, Copy)]
+pub struct Cast<'a> {
+    /// Answers with plans.
+    pub planner: &'a Seat,
+    /// Answers with predictions, if the driver has one.
+    pub predictor: Option<&'a Seat>,
+    /// Writes it down, if somebody does.
+    pub recorder: Option<&'a Seat>,
+}
+
+/// One of the cast, at this line.
+struct Member {
+    seat: Arc<Inner>,
+    /// Who sat there when the line was opened. Another who comes later was not told the scene.
+    node: Option<NodeId>,
+    /// None for the recorder, who hears the tape.
+    teller: Option<Arc<Publisher<'static>>>,
+}
+
+impl Member {
+    fn is_there(&self) -> bool {
+        self.node.is_some() && self.seat.node() == self.node
+    }
+}
+
 /// The line of one episode. Dropping it ends it: what comes later is nobody's.
 pub struct EpisodeLine {
     shared: Arc<Shared>,
     worker: Worker,
     scene: SceneId,
+    /// Its number: answers say it, lest a late one is taken for that of another episode.
+    episode: u64,
+    /// Planner, predictor, recorder, as far as there are such.
+    cast: Vec<Member>,
     expects_prediction: bool,
-    inbox: Arc<Inbox>,
     incoming: Receiver<Incoming>,
-    observations: Publisher<'static>,
+    inbox: Arc<Inbox>,
     /// What was told.
     counts: proto::Recorded,
     digest: Digest,
@@ -130,30 +181,35 @@ impl EpisodeLine {
         shared: &Arc<Shared>,
         worker: &Worker,
         scene: &SceneId,
-        expects_prediction: bool,
+        cast: Cast<'_>,
     ) -> Result<Self, LineError> {
         let (sender, incoming) = sync_channel(INBOX);
-        let address = Address { worker: worker.clone(), scene: scene.clone(), channel: Channel::Observation };
-        let observations = session::publisher(&shared.session, address.key(&shared.run))?;
         let inbox = Arc::new(Inbox { sender, flooded: AtomicBool::new(false) });
-        let mut inboxes = lock(&shared.inboxes);
-        let place = (worker.clone(), scene.clone());
-        if inboxes.contains_key(&place) {
-            return Err(LineError::Busy { scene: scene.clone(), worker: worker.clone() });
-        }
-        inboxes.insert(place, Arc::clone(&inbox));
-        drop(inboxes);
-        Ok(Self {
+        let mut line = Self {
             shared: Arc::clone(shared),
             worker: worker.clone(),
             scene: scene.clone(),
-            expects_prediction,
-            inbox,
+            episode: shared.episodes.fetch_add(1, Ordering::Relaxed) + 1,
+            cast: Vec::new(),
+            expects_prediction: cast.predictor.is_some(),
             incoming,
-            observations,
+            inbox,
             counts: proto::Recorded::default(),
             digest: Digest::default(),
-        })
+        };
+        for seat in [Some(cast.planner), cast.predictor, cast.recorder].into_iter().flatten() {
+            let seat = Arc::clone(seat.inner());
+            if !seat.listen(worker, &line.inbox) {
+                return Err(LineError::Busy { scene: scene.clone(), worker: worker.clone() });
+            }
+            let node = seat.node();
+            line.cast.push(Member { seat: Arc::clone(&seat), node, teller: None });
+            if seat.role != Role::Recorder {
+                let teller = seat.teller(worker)?;
+                line.cast.iter_mut().last().into_iter().for_each(|member| member.teller = Some(Arc::clone(&teller)));
+            }
+        }
+        Ok(line)
     }
 
     /// Tells the nodes what they may know before the first step.
@@ -162,15 +218,17 @@ impl EpisodeLine {
     /// [`LineError::Bus`].
     pub fn announce(&mut self, briefing: &Briefing) -> Result<(), LineError> {
         let payload = ZBytes::from(proto::Scene::from(briefing).encode_to_vec());
-        lock(&self.shared.documents).insert(self.address(Channel::Scene).key(&self.shared.run), payload.clone());
-        self.tell_nodes(Channel::Scene, payload)
+        lock(&self.shared.documents).insert(self.document(), payload.clone());
+        self.tell_nodes(Telling::Scene, &payload)?;
+        self.tell(vec![(Channel::Scene, payload)]);
+        Ok(())
     }
 
     /// Sends `observation` and waits until it is answered, at most `deadline`. The answers are unchecked: whether they are
     /// for this step and whole is for the caller to see.
     ///
     /// # Errors
-    /// [`LineError`]: no answer, a dead node, an answer that is none.
+    /// [`LineError`]: no answer, a dead node, an answer that is none, more than an answer.
     pub fn step(
         &mut self,
         observation: &Observation,
@@ -180,7 +238,7 @@ impl EpisodeLine {
         self.counts.observations += 1;
         let payload = ZBytes::from(proto::Observation::from(observation).encode_to_vec());
         let mut told = vec![(Channel::Observation, payload.clone())];
-        let answers = self.exchange(payload, deadline, &mut told);
+        let answers = self.exchange(&payload, deadline, &mut told);
         // Only now: the tape's thread would take the time in which the answer is awaited.
         self.tell(told);
         answers
@@ -189,37 +247,116 @@ impl EpisodeLine {
     /// Sends an observation and waits for its answers, which go into `told` as they come.
     fn exchange(
         &mut self,
-        observation: ZBytes,
+        observation: &ZBytes,
         deadline: Duration,
         told: &mut Vec<(Channel, ZBytes)>,
     ) -> Result<(UncheckedPlan, Option<UncheckedPrediction>), LineError> {
-        self.observations.put(observation).wait().map_err(SessionError::bus("send"))?;
-        let until = Instant::now() + deadline;
+        while let Ok(incoming) = self.incoming.try_recv() {
+            self.expect_nothing(incoming)?;
+        }
+        self.tell_nodes(Telling::Observation, observation)?;
+        let mut patience = Patience::new(&self.shared, deadline);
         let (mut plan, mut prediction) = (None, None);
-        loop {
-            match (plan.take(), self.expects_prediction, prediction.take()) {
-                (Some(whole), false, _) => return Ok((whole, None)),
-                (Some(whole), true, Some(with)) => return Ok((whole, Some(with))),
-                (some, _, other) => (plan, prediction) = (some, other),
-            }
+        while plan.is_none() || (self.expects_prediction && prediction.is_none()) {
             let missing = if self.expects_prediction && prediction.is_none() { Role::Predictor } else { Role::Planner };
-            match self.receive(until, deadline, missing)? {
-                Incoming::NodeLost => self.look_for_nodes()?,
-                Incoming::Answer(Channel::Plan, bytes) => {
-                    let message = taken::<proto::Plan>(Role::Planner, &bytes)?;
+            let (role, envelope) = match self.receive(&mut patience, missing)? {
+                Incoming::Answer(role, envelope) => (role, envelope),
+                other => {
+                    self.expect_nothing(other)?;
+                    continue;
+                }
+            };
+            let bytes = envelope.to_bytes();
+            match self.opened(role, &bytes)? {
+                None => {}
+                Some((Saying::Plan, bytes)) if role == Role::Planner && plan.is_none() => {
+                    let message = taken::<proto::Plan>(role, bytes)?;
                     self.counts.plans += 1;
-                    told.push((Channel::Plan, bytes));
-                    plan = Some(UncheckedPlan::try_from(message).map_err(LineError::bad(Role::Planner))?);
+                    told.push((Channel::Plan, bytes.into()));
+                    plan = Some(UncheckedPlan::try_from(message).map_err(LineError::bad(role))?);
                 }
-                Incoming::Answer(Channel::Prediction, bytes) if self.expects_prediction => {
-                    let message = taken::<proto::Prediction>(Role::Predictor, &bytes)?;
+                Some((Saying::Prediction, bytes)) if role == Role::Predictor && prediction.is_none() => {
+                    let message = taken::<proto::Prediction>(role, bytes)?;
                     self.counts.predictions += 1;
-                    told.push((Channel::Prediction, bytes));
-                    prediction = Some(UncheckedPrediction::try_from(message).map_err(LineError::bad(Role::Predictor))?);
+                    let payload = ZBytes::from(bytes);
+                    told.push((Channel::Prediction, payload.clone()));
+                    // First on to who waits for it.
+                    self.tell_node(Role::Planner, Telling::Prediction, &payload)?;
+                    prediction = Some(UncheckedPrediction::try_from(message).map_err(LineError::bad(role))?);
                 }
-                Incoming::Answer(..) => {}
+                Some((saying, _)) => return Err(surplus(role, saying)),
             }
         }
+        // Both are there, or one is and no other is expected.
+        plan.map(|plan| (plan, prediction)).ok_or(LineError::NodeLost { role: Role::Planner })
+    }
+
+    /// What an answer holds; none where it is of an earlier episode, whose line did not wait for it.
+    fn opened<'b>(&self, role: Role, bytes: &'b [u8]) -> Result<Option<(Saying, &'b [u8])>, LineError> {
+        let (episode, saying, message) = envelope::open::<Saying>(bytes).map_err(LineError::bad(role))?;
+        if episode == self.episode {
+            return Ok(Some((saying, message)));
+        }
+        if (1..self.episode).contains(&episode) {
+            tracing::debug!("the {role} answers episode {episode}, which is over");
+            return Ok(None);
+        }
+        let (expected, got) = (self.episode, episode);
+        Err(LineError::BadAnswer { role, error: MessageError::OtherEpisode { expected, got } })
+    }
+
+    /// What comes while nothing is asked.
+    fn expect_nothing(&self, incoming: Incoming) -> Result<(), LineError> {
+        match incoming {
+            Incoming::NodeLost => self.look_for_nodes(),
+            Incoming::Intruded(role) => Err(LineError::Intruded { role }),
+            // What the recorder says late of an earlier episode.
+            Incoming::Answer(Role::Recorder, _) => Ok(()),
+            Incoming::Answer(role, envelope) => match self.opened(role, &envelope.to_bytes())? {
+                None => Ok(()),
+                Some((saying, _)) => Err(surplus(role, saying)),
+            },
+        }
+    }
+
+    /// The number of the episode in this run.
+    #[must_use]
+    pub fn number(&self) -> u64 {
+        self.episode
+    }
+
+    /// Tells the nodes how the episode ended, and waits until each has said that it is done: with that, all that it ever said
+    /// is here.
+    ///
+    /// # Errors
+    /// [`LineError`] where one does not say so before the deadline, or says anything else.
+    pub fn dismiss(&mut self, end: &proto::EpisodeEnd, deadline: Duration) -> Result<(), LineError> {
+        self.tell_end(end)?;
+        let mut patience = Patience::new(&self.shared, deadline);
+        let mut waited_for: Vec<Role> = self.tellers().map(|(role, _)| role).collect();
+        while let Some(role) = waited_for.first() {
+            let (role, envelope) = match self.receive(&mut patience, *role)? {
+                Incoming::Answer(role, envelope) if role != Role::Recorder => (role, envelope),
+                other => {
+                    self.expect_nothing(other)?;
+                    continue;
+                }
+            };
+            match self.opened(role, &envelope.to_bytes())? {
+                None => {}
+                Some((Saying::Done, _)) if waited_for.contains(&role) => waited_for.retain(|other| *other != role),
+                Some((saying, _)) => return Err(surplus(role, saying)),
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells the nodes that the episode is over, and waits for nobody: for a drive that failed.
+    ///
+    /// # Errors
+    /// [`LineError::Bus`].
+    pub fn tell_end(&self, end: &proto::EpisodeEnd) -> Result<(), LineError> {
+        self.tell_nodes(Telling::End, &end.encode_to_vec().into())
     }
 
     /// Tells how a step went.
@@ -234,19 +371,17 @@ impl EpisodeLine {
         self.tell(vec![(Channel::Event, event.encode_to_vec().into())]);
     }
 
-    /// Tells how the episode ended, how many messages of each kind there were, and their digest. Gives back what was told.
-    ///
-    /// # Errors
-    /// [`LineError::Bus`].
-    pub fn publish_end(&mut self, mut end: proto::EpisodeEnd) -> Result<proto::EpisodeEnd, LineError> {
+    /// Tells whoever listens in how the episode ended, how many messages of each kind there were, and their digest. Gives back what
+    /// was told.
+    pub fn publish_end(&mut self, mut end: proto::EpisodeEnd) -> proto::EpisodeEnd {
         end.observations = self.counts.observations;
         end.plans = self.counts.plans;
         end.predictions = self.counts.predictions;
         end.records = self.counts.records;
         end.events = self.counts.events;
         end.digest = self.digest.to_bytes();
-        self.tell_nodes(Channel::End, end.encode_to_vec().into())?;
-        Ok(end)
+        self.tell(vec![(Channel::End, end.encode_to_vec().into())]);
+        end
     }
 
     /// Waits until the recorder has closed the episode's recording, at most `deadline`, and compares what it has with what
@@ -255,20 +390,26 @@ impl EpisodeLine {
     /// # Errors
     /// [`LineError`] where there is no recording, or not a whole one.
     pub fn await_recorded(&mut self, deadline: Duration) -> Result<(), LineError> {
-        let until = Instant::now() + deadline;
+        let mut patience = Patience::new(&self.shared, deadline);
         loop {
-            if !self.shared.nodes.serve(Role::Recorder, &self.worker) {
+            let recorder = self.cast.iter().find(|member| member.seat.role == Role::Recorder);
+            if !recorder.is_some_and(Member::is_there) {
                 return Err(LineError::NodeLost { role: Role::Recorder });
             }
-            if let Incoming::Answer(Channel::Recorded, bytes) = self.receive(until, deadline, Role::Recorder)? {
-                return self.compare(&taken(Role::Recorder, &bytes)?);
+            match self.receive(&mut patience, Role::Recorder)? {
+                Incoming::Answer(Role::Recorder, bytes) => {
+                    return self.compare(&taken(Role::Recorder, &bytes.to_bytes())?);
+                }
+                Incoming::Intruded(Role::Recorder) => return Err(LineError::Intruded { role: Role::Recorder }),
+                // The drive is over: what its nodes do now is of no account.
+                _ => {}
             }
         }
     }
 
     fn compare(&self, recorded: &proto::Recorded) -> Result<(), LineError> {
         if !recorded.error.is_empty() {
-            return Err(LineError::NotRecorded(recorded.error.clone()));
+            return Err(LineError::NotRecorded(shown(&recorded.error)));
         }
         let told = &self.counts;
         let counts = [
@@ -286,51 +427,87 @@ impl EpisodeLine {
     }
 
     fn look_for_nodes(&self) -> Result<(), LineError> {
-        for role in [Role::Predictor, Role::Planner] {
-            let needed = role == Role::Planner || self.expects_prediction;
-            if needed && !self.shared.nodes.serve(role, &self.worker) {
-                return Err(LineError::NodeLost { role });
-            }
+        let gone = |member: &&Member| member.teller.is_some() && !member.is_there();
+        match self.cast.iter().rev().find(gone) {
+            Some(member) => Err(LineError::NodeLost { role: member.seat.role }),
+            None => Ok(()),
         }
-        Ok(())
     }
 
-    fn receive(&self, until: Instant, deadline: Duration, role: Role) -> Result<Incoming, LineError> {
+    fn receive(&self, patience: &mut Patience<'_>, role: Role) -> Result<Incoming, LineError> {
         if self.inbox.flooded.load(Ordering::Relaxed) {
             return Err(LineError::Flooded);
         }
-        // The inbox holds a sender for as long as the line lives: what fails is that time is up.
-        waiting::receive(&self.incoming, Some(until)).ok_or(LineError::NoAnswer { role, deadline })
+        loop {
+            // The inbox holds a sender for as long as the line lives: what fails is that time is up.
+            if let Some(incoming) = waiting::receive(&self.incoming, Some(patience.until)) {
+                return Ok(incoming);
+            }
+            if !patience.renewed() {
+                return Err(LineError::NoAnswer { role, deadline: patience.deadline });
+            }
+        }
     }
 
-    /// Tells the nodes, and everybody who listens in.
-    fn tell_nodes(&mut self, channel: Channel, payload: ZBytes) -> Result<(), LineError> {
-        self.send(channel, payload.clone())?;
-        self.tell(vec![(channel, payload)]);
+    /// Planner and predictor, and what tells them.
+    fn tellers(&self) -> impl Iterator<Item = (Role, &Publisher<'static>)> {
+        self.cast.iter().filter_map(|member| member.teller.as_deref().map(|teller| (member.seat.role, teller)))
+    }
+
+    fn tell_nodes(&self, telling: Telling, message: &ZBytes) -> Result<(), LineError> {
+        [Role::Planner, Role::Predictor].into_iter().try_for_each(|role| self.tell_node(role, telling, message))
+    }
+
+    fn tell_node(&self, to: Role, telling: Telling, message: &ZBytes) -> Result<(), LineError> {
+        for (_, teller) in self.tellers().filter(|(role, _)| *role == to) {
+            let envelope = envelope::seal(self.episode, telling, message.clone());
+            teller.put(envelope).wait().map_err(SessionError::bus("send"))?;
+        }
         Ok(())
-    }
-
-    fn send(&self, channel: Channel, payload: ZBytes) -> Result<(), LineError> {
-        Ok(session::send(&self.shared.session, &self.address(channel).key(&self.shared.run), payload)?)
     }
 
     /// Tells everybody who listens in.
     fn tell(&mut self, messages: Vec<(Channel, ZBytes)>) {
         messages.iter().for_each(|(channel, payload)| self.digest.add(*channel, &payload.to_bytes()));
-        let keyed =
-            messages.into_iter().map(|(channel, payload)| (self.address(channel).tape_key(&self.shared.run), payload));
-        self.shared.tape.push(keyed.collect());
+        let addressed = messages.into_iter().map(|(channel, payload)| (self.address(channel), payload));
+        self.shared.tape.push(addressed.collect());
     }
 
     fn address(&self, channel: Channel) -> Address {
         Address { worker: self.worker.clone(), scene: self.scene.clone(), channel }
     }
+
+    /// The key at which whoever listens in may ask for the scene.
+    fn document(&self) -> String {
+        Place::open_floor(&self.shared.run).tape(&self.address(Channel::Scene))
+    }
 }
 
 impl Drop for EpisodeLine {
     fn drop(&mut self) {
-        lock(&self.shared.inboxes).remove(&(self.worker.clone(), self.scene.clone()));
-        lock(&self.shared.documents).remove(&self.address(Channel::Scene).key(&self.shared.run));
+        self.cast.iter().for_each(|member| member.seat.listen_no_more(&self.worker));
+        lock(&self.shared.documents).remove(&self.document());
+    }
+}
+
+/// Until when something is waited for. A time in which this process stood still does not count: nobody could be heard.
+struct Patience<'a> {
+    shared: &'a Shared,
+    deadline: Duration,
+    until: Instant,
+    pauses: u64,
+}
+
+impl<'a> Patience<'a> {
+    fn new(shared: &'a Shared, deadline: Duration) -> Self {
+        Self { shared, deadline, until: Instant::now() + deadline, pauses: shared.pulse.pauses() }
+    }
+
+    /// Whether there is a reason to wait once more, from now on.
+    fn renewed(&mut self) -> bool {
+        let pauses = std::mem::replace(&mut self.pauses, self.shared.pulse.pauses());
+        self.until = Instant::now() + self.deadline;
+        self.pauses != pauses
     }
 }
 
@@ -340,6 +517,15 @@ impl LineError {
     }
 }
 
-fn taken<P: Message>(role: Role, bytes: &ZBytes) -> Result<P, LineError> {
-    decode(&bytes.to_bytes()).map_err(LineError::bad(role))
+fn surplus(role: Role, saying: Saying) -> LineError {
+    let what = match saying {
+        Saying::Plan => "one plan too many",
+        Saying::Prediction => "one prediction too many",
+        Saying::Done => "that it is done, before the end",
+    };
+    LineError::Surplus { role, what: what.to_owned() }
+}
+
+fn taken<P: Message>(role: Role, bytes: &[u8]) -> Result<P, LineError> {
+    decode(bytes).map_err(LineError::bad(role))
 }

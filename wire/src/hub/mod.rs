@@ -1,9 +1,10 @@
-//! The simulator's side of the bus: the router session, the watch over the nodes, a line for each episode.
+//! The simulator's side of the bus: the router session, a seat for each node, a line for each episode.
 //!
 //! | file | what |
 //! | --- | --- |
-//! | `mod.rs` | the hub: opening, run settings, queries, who hears what |
-//! | `nodes.rs` | which nodes are there, the start barrier, deaths |
+//! | `mod.rs` | the hub: opening, run settings, queries, what strangers say |
+//! | `nodes.rs` | who sits where, who is refused, the start barrier |
+//! | `seat.rs` | what is said at a seat |
 //! | `line.rs` | one episode: send an observation, wait for its answers |
 //! | `tape.rs` | all that happens, for the recorder |
 //!
@@ -12,11 +13,13 @@
 
 mod line;
 mod nodes;
+mod seat;
 mod tape;
 #[cfg(test)]
 mod tests;
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -27,17 +30,23 @@ use zenoh::key_expr::KeyExpr;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::query::{Query, Queryable};
+use zenoh::sample::{Locality, Sample, SampleKind};
 use zenoh::{Session, Wait};
 
-pub use line::{EpisodeLine, LineError};
-pub use nodes::{BarrierError, NodeEvent, Wanted};
+pub use line::{Cast, EpisodeLine, LineError};
+pub use nodes::{BarrierError, NodeEvent};
+pub use seat::Seat;
 
-use crate::keys::{self, Address, Channel, NodeId, Role, RunName, Worker, Workers};
+use crate::convert::shown;
+use crate::keys::{self, Channel, NodeId, Place, Role, RunName, Secret, Worker, Workers};
 use crate::proto;
+use crate::pulse::Pulse;
 use crate::session::{self, SessionError};
-use line::Inbox;
 use nodes::Nodes;
 use tape::Tape;
+
+/// What is noticed of others is told so often, then no more: a stranger must not fill the disk.
+const NOTICES: u64 = 100;
 
 /// A reader that takes nothing is cut off after this, however long the deadline.
 const LONGEST_STALL: Duration = Duration::from_secs(5);
@@ -71,12 +80,16 @@ pub struct Hub {
 struct Shared {
     run: RunName,
     session: Session,
-    /// The open lines' inboxes, for the callbacks to find them.
-    inboxes: Mutex<BTreeMap<(Worker, SceneId), Arc<Inbox>>>,
     /// What queries are answered with: the run's settings, the scene of each open line. By key.
     documents: Mutex<BTreeMap<String, ZBytes>>,
     /// Who is there.
     nodes: Nodes,
+    /// How many episodes were begun.
+    episodes: AtomicU64,
+    /// How often somebody said what nobody asked for.
+    notices: AtomicU64,
+    /// Whether this process stood still.
+    pulse: Pulse,
     /// What the recorder hears.
     tape: Tape,
 }
@@ -102,37 +115,32 @@ impl Hub {
     pub fn open_with(run: &RunName, settings: &HubSettings) -> Result<Self, SessionError> {
         let stall = LONGEST_STALL.min(settings.deadline);
         let (session, endpoint) = session::open_router(settings.endpoint.as_deref(), stall)?;
+        let open_floor = Place::open_floor(run);
         let shared = Arc::new(Shared {
             run: run.clone(),
             session: session.clone(),
-            inboxes: Mutex::default(),
             documents: Mutex::default(),
             nodes: Nodes::default(),
-            tape: Tape::new(&session, stall),
+            episodes: AtomicU64::new(0),
+            notices: AtomicU64::new(0),
+            pulse: Pulse::start(),
+            tape: Tape::new(&session, open_floor.clone(), stall),
         });
 
         let mut subscribers = Vec::new();
-        for channel in [Channel::Plan, Channel::Prediction, Channel::Recorded] {
+        for selector in open_floor.everything() {
             let shared = Arc::clone(&shared);
-            let subscriber = session
-                .declare_subscriber(keys::channel(run, &Workers::All, channel))
-                .callback(move |sample| shared.deliver(sample.key_expr().as_str(), sample.payload()))
-                .wait()
-                .map_err(SessionError::bus("subscribe"))?;
-            subscribers.push(subscriber);
+            let subscriber = session.declare_subscriber(selector).allowed_origin(Locality::Remote);
+            let subscriber = subscriber.callback(move |sample| shared.hear_stranger(&sample)).wait();
+            subscribers.push(subscriber.map_err(SessionError::bus("subscribe"))?);
         }
-        let watch = Arc::clone(&shared);
-        let subscriber = session
-            .liveliness()
-            .declare_subscriber(keys::nodes(run, None))
-            .history(true)
-            .callback(move |sample| watch.observe_node(&sample))
-            .wait()
-            .map_err(SessionError::bus("watch nodes"))?;
-        subscribers.push(subscriber);
+        let (watch, floor) = (Arc::clone(&shared), open_floor.clone());
+        let subscriber = session.liveliness().declare_subscriber(open_floor.nodes()).history(true);
+        let subscriber = subscriber.callback(move |sample| watch.see_stranger(&floor, &sample)).wait();
+        subscribers.push(subscriber.map_err(SessionError::bus("watch nodes"))?);
 
         let mut queryables = Vec::new();
-        for key in [keys::info(run), keys::channel(run, &Workers::All, Channel::Scene)] {
+        for key in [keys::info(run), open_floor.tape_channel(&Workers::All, Channel::Scene)] {
             let shared = Arc::clone(&shared);
             let queryable = session
                 .declare_queryable(key)
@@ -143,10 +151,8 @@ impl Hub {
         }
 
         // Last: who sees the token may rely on all of the above.
-        let own =
-            NodeId { role: Role::Sim, workers: Workers::All, name: "sim".to_owned(), version: crate::WIRE_VERSION };
-        let token =
-            session.liveliness().declare_token(own.key(run)).wait().map_err(SessionError::bus("declare the token"))?;
+        let token = session.liveliness().declare_token(NodeId::sim().key(&open_floor)).wait();
+        let token = token.map_err(SessionError::bus("declare the token"))?;
         Ok(Self { shared, endpoint, _token: token, _subscribers: subscribers, _queryables: queryables })
     }
 
@@ -173,7 +179,24 @@ impl Hub {
         session::send(&self.shared.session, &key, payload)
     }
 
-    /// Waits until every node in `wanted` is there and listens.
+    /// A seat for a node of `role` that serves `workers`, behind a secret of its own.
+    ///
+    /// # Errors
+    /// [`SessionError`] where the session is closed, or the system gives no randomness.
+    pub fn seat(&self, role: Role, workers: &Workers) -> Result<Seat, SessionError> {
+        let secret = Secret::random().map_err(|e| SessionError::bus("make a secret")(e.into()))?;
+        self.seat_with(role, workers, secret)
+    }
+
+    /// A seat for a node of `role` that serves `workers`, behind a secret that both sides know already.
+    ///
+    /// # Errors
+    /// [`SessionError`] where the session is closed, or the secret cannot be part of a key.
+    pub fn seat_with(&self, role: Role, workers: &Workers, secret: Secret) -> Result<Seat, SessionError> {
+        Seat::open(&self.shared, role, workers, secret)
+    }
+
+    /// Waits until there is a node at every seat, and it listens.
     ///
     /// `cancelled` is asked some fifty times a second, so that an interrupted start ends at once.
     ///
@@ -181,11 +204,18 @@ impl Hub {
     /// [`BarrierError`] names who is missing, or who speaks another version.
     pub fn wait_for_nodes(
         &self,
-        wanted: &[Wanted],
+        seats: &[&Seat],
         timeout: Duration,
         cancelled: &dyn Fn() -> bool,
     ) -> Result<(), BarrierError> {
-        self.shared.nodes.wait_for(wanted, timeout, cancelled)
+        let numbers: Vec<_> = seats.iter().map(|seat| seat.inner().number).collect();
+        self.shared.nodes.wait_for(&numbers, timeout, &self.shared.pulse, cancelled)
+    }
+
+    /// How often this process stood still until now, see [`crate::pulse`].
+    #[must_use]
+    pub fn pauses(&self) -> u64 {
+        self.shared.pulse.pauses()
     }
 
     /// The nodes that are there now.
@@ -200,17 +230,12 @@ impl Hub {
         self.shared.nodes.watch()
     }
 
-    /// A line for the episode `scene` on `worker`. With `expects_prediction` each step waits for a prediction too.
+    /// A line for the episode `scene` on `worker`. With a predictor each step waits for a prediction too.
     ///
     /// # Errors
-    /// [`LineError::Busy`] where this episode is already open on this worker, [`LineError::Bus`] where the session is closed.
-    pub fn episode(
-        &self,
-        worker: &Worker,
-        scene: &SceneId,
-        expects_prediction: bool,
-    ) -> Result<EpisodeLine, LineError> {
-        EpisodeLine::open(&self.shared, worker, scene, expects_prediction)
+    /// [`LineError::Busy`] where this worker has an episode on, [`LineError::Bus`] where the session is closed.
+    pub fn episode(&self, worker: &Worker, scene: &SceneId, cast: Cast<'_>) -> Result<EpisodeLine, LineError> {
+        EpisodeLine::open(&self.shared, worker, scene, cast)
     }
 
     /// Ends the session; nodes leave when they see it.
@@ -224,33 +249,28 @@ impl Hub {
 }
 
 impl Shared {
-    /// Puts an answer into the inbox of its episode. Called by the transport: never blocks.
-    fn deliver(&self, key: &str, payload: &ZBytes) {
-        let Some(address) = Address::parse(key) else { return };
-        let inbox = lock(&self.inboxes).get(&(address.worker, address.scene)).cloned();
-        match inbox {
-            Some(inbox) => inbox.deliver(address.channel, payload),
-            None => tracing::debug!("{key}: no such episode is on"),
+    /// Somebody put something where everybody may, and nobody is to. No node hears it.
+    fn hear_stranger(&self, sample: &Sample) {
+        self.noticed(&format!("somebody put {} on the bus: it is not counted", shown(sample.key_expr().as_str())));
+    }
+
+    /// Somebody shows a token where everybody may: who is meant has a seat.
+    fn see_stranger(&self, floor: &Place, sample: &Sample) {
+        let Some(node) = NodeId::parse(sample.key_expr().as_str()) else {
+            return self.noticed("a node has a token that cannot be read");
+        };
+        if node.role != Role::Sim && sample.kind() == SampleKind::Put {
+            let reason = self.nodes.refuse_stranger(&node);
+            self.admit(floor, &node, Some(reason));
         }
     }
 
-    fn observe_node(&self, sample: &zenoh::sample::Sample) {
-        let Some(node) = NodeId::parse(sample.key_expr().as_str()) else {
-            tracing::warn!("a node has a token that cannot be read: {}", sample.key_expr());
-            return;
-        };
-        if node.role == Role::Sim {
-            return;
-        }
-        if sample.kind() == zenoh::sample::SampleKind::Put {
-            self.nodes.joined(node);
-            return;
-        }
-        self.nodes.left(&node);
-        for ((worker, _), inbox) in lock(&self.inboxes).iter() {
-            if node.workers.serve(worker) {
-                inbox.node_lost();
-            }
+    /// Tells the user what others do that they should not.
+    fn noticed(&self, what: &str) {
+        match self.notices.fetch_add(1, Ordering::Relaxed) {
+            NOTICES => tracing::warn!("more of this follows, and is not told: {what}"),
+            count if count < NOTICES => tracing::warn!("{what}"),
+            _ => {}
         }
     }
 

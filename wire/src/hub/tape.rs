@@ -14,6 +14,7 @@ use zenoh::Session;
 use zenoh::bytes::ZBytes;
 
 use super::lock;
+use crate::keys::{Address, Place};
 use crate::session;
 
 /// Bytes that may wait: some five episodes.
@@ -22,6 +23,8 @@ const QUEUE_BYTES: usize = 64 * 1024 * 1024;
 /// The queue's near end.
 pub(super) struct Tape {
     queue: Arc<Queue>,
+    /// Where it is told: on the open floor and, last, at the recorder's seat.
+    places: Arc<Mutex<Vec<Place>>>,
     /// A worker waits so long for room, then its message is left out; the counts at the episode's end tell.
     patience: Duration,
     thread: Option<JoinHandle<()>>,
@@ -35,37 +38,52 @@ struct Queue {
 
 #[derive(Default)]
 struct State {
-    messages: VecDeque<(String, ZBytes)>,
+    messages: VecDeque<(Address, ZBytes)>,
     bytes: usize,
     /// Nothing comes any more: the thread ends when it has sent the rest.
     closed: bool,
 }
 
 impl Tape {
-    pub(super) fn new(session: &Session, stall: Duration) -> Self {
+    pub(super) fn new(session: &Session, open_floor: Place, stall: Duration) -> Self {
         let queue = Arc::new(Queue::default());
-        let (session, far_end) = (session.clone(), Arc::clone(&queue));
+        let places = Arc::new(Mutex::new(vec![open_floor]));
+        let (session, far_end, to) = (session.clone(), Arc::clone(&queue), Arc::clone(&places));
         let thread = std::thread::spawn(move || {
-            while let Some((key, payload)) = far_end.take() {
-                if let Err(e) = session::send(&session, &key, payload) {
-                    tracing::error!("{key} is not told: {e}");
+            while let Some((address, payload)) = far_end.take() {
+                let keys: Vec<String> = lock(&to).iter().map(|place| place.tape(&address)).collect();
+                for key in keys {
+                    if let Err(e) = session::send(&session, &key, payload.clone()) {
+                        tracing::error!("{} of {} is not told: {e}", address.channel.name(), address.scene);
+                    }
                 }
             }
         });
         // Twice: the stall of one listener must not cost another one a message.
-        Self { queue, patience: 2 * stall, thread: Some(thread) }
+        Self { queue, places, patience: 2 * stall, thread: Some(thread) }
+    }
+
+    /// From now on all is told at `recorder` too, and no more at the seat of the recorder before it.
+    pub(super) fn tell_also(&self, recorder: Place) {
+        let mut places = lock(&self.places);
+        places.truncate(1);
+        places.push(recorder);
     }
 
     /// Puts messages at the end of the queue, together.
-    pub(super) fn push(&self, messages: Vec<(String, ZBytes)>) {
+    pub(super) fn push(&self, messages: Vec<(Address, ZBytes)>) {
         let bytes: usize = messages.iter().map(|(_, payload)| payload.len()).sum();
         let until = Instant::now() + self.patience;
         let mut state = lock(&self.queue.state);
         while state.bytes + bytes > QUEUE_BYTES && !state.messages.is_empty() {
             let left = until.saturating_duration_since(Instant::now());
             if left.is_zero() {
-                for (key, _) in messages {
-                    tracing::error!("the recorder is too slow: {key} is left out");
+                for (address, _) in messages {
+                    tracing::error!(
+                        "the recorder is too slow: {} of {} is left out",
+                        address.channel.name(),
+                        address.scene
+                    );
                 }
                 return;
             }
@@ -89,13 +107,13 @@ impl Drop for Tape {
 
 impl Queue {
     /// The next message; `None` at the end.
-    fn take(&self) -> Option<(String, ZBytes)> {
+    fn take(&self) -> Option<(Address, ZBytes)> {
         let mut state = lock(&self.state);
         loop {
-            if let Some((key, payload)) = state.messages.pop_front() {
+            if let Some((address, payload)) = state.messages.pop_front() {
                 state.bytes -= payload.len();
                 self.changed.notify_all();
-                return Some((key, payload));
+                return Some((address, payload));
             }
             if state.closed {
                 return None;

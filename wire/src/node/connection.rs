@@ -1,8 +1,9 @@
 //! The session of a node: it subscribes, then shows its token, and leaves when there is a reason to.
 
 use std::io::Read;
-use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use prost::Message as _;
@@ -12,7 +13,8 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
-use crate::keys::{self, Address, Channel, KeyError, NodeId, Role, RunName, Workers};
+use crate::convert::{decode, shown};
+use crate::keys::{self, Address, Answering, Channel, KeyError, NodeId, Place, Role, RunName, Secret, Worker, Workers};
 use crate::session::{self, SessionError};
 use crate::{WIRE_VERSION, proto};
 
@@ -22,7 +24,8 @@ const RUN_TIMEOUT: Duration = Duration::from_secs(10);
 /// How often it asks for the run's settings meanwhile.
 const INFO_INTERVAL: Duration = Duration::from_millis(20);
 
-/// How a node finds its run. `sim run` gives these to the nodes that it starts, as arguments and in the environment.
+/// How a node finds its run. `sim run` gives these to the nodes that it starts, as arguments and in the environment; the secret
+/// in the environment alone.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
     /// Where the simulator listens, like tcp/127.0.0.1:7447
@@ -37,6 +40,9 @@ pub struct Options {
     /// Name of this node, for people; made of the process number where it is not said
     #[arg(long, env = "RELOOP_NAME", value_name = "NAME")]
     pub name: Option<String>,
+    /// What it must know to be let in, from the environment: RELOOP_SECRET.
+    #[arg(skip = Secret::of_this_process())]
+    pub secret: Option<Secret>,
     /// Leave when standard input ends, so that nothing outlives the process that started this one
     #[arg(long, env = "RELOOP_EXIT_WITH_PARENT")]
     pub exit_with_parent: bool,
@@ -88,15 +94,36 @@ pub enum NodeError {
         /// Ours.
         ours: u32,
     },
+    /// The simulator does not let it in.
+    #[error("{node} is refused: {reason}{}", refusal_hint(*.told_secret))]
+    Refused {
+        /// This node.
+        node: String,
+        /// Why, as the simulator says.
+        reason: String,
+        /// Whether this node was told a secret.
+        told_secret: bool,
+    },
     /// The signal handler could not be set.
     #[error("cannot listen for Ctrl-C: {0}")]
     Signals(String),
 }
 
+fn refusal_hint(told_secret: bool) -> &'static str {
+    if told_secret {
+        ""
+    } else {
+        "\n  hint: `sim run` says the secret of a planner that it waits for; put it into RELOOP_SECRET"
+    }
+}
+
 /// A node's place on the bus. Subscribe first, then [`Connection::serve`].
 pub struct Connection {
     options: Options,
+    place: Place,
     session: Session,
+    /// Whether the simulator has let this node in. Until then it may hear what is told another, and has no answer to it.
+    admitted: Arc<AtomicBool>,
     /// Kept because dropping them ends them.
     subscribers: Mutex<Vec<Subscriber<()>>>,
 }
@@ -104,6 +131,7 @@ pub struct Connection {
 /// What the watchers of a node tell it.
 enum Notice {
     Sim { version: u32 },
+    Admission(proto::Admission),
     Stop(Stop),
 }
 
@@ -113,14 +141,19 @@ impl Connection {
     /// # Errors
     /// [`NodeError`] where there is none.
     pub fn open(options: &Options) -> Result<Self, NodeError> {
+        let place = match &options.secret {
+            Some(secret) => Place::seat(&options.run, secret)?,
+            None => Place::open_floor(&options.run),
+        };
         let session = session::open_client(&options.endpoint)?;
-        Ok(Self { options: options.clone(), session, subscribers: Mutex::default() })
+        let (admitted, subscribers) = (Arc::default(), Mutex::default());
+        Ok(Self { options: options.clone(), place, session, admitted, subscribers })
     }
 
-    /// The session, for whatever else a node wants of it.
+    /// What this node answers with.
     #[must_use]
-    pub fn session(&self) -> Session {
-        self.session.clone()
+    pub fn voice(&self) -> Voice {
+        Voice { place: self.place.clone(), session: self.session.clone() }
     }
 
     /// What the run is: asks the simulator until it says so.
@@ -157,38 +190,32 @@ impl Connection {
         channels: &[Channel],
         hear: impl Fn(Address, ZBytes) + Clone + Send + Sync + 'static,
     ) -> Result<(), NodeError> {
-        self.subscribe_to(channels, keys::tape, hear)
-    }
-
-    /// Hears the messages between simulator and nodes as they are sent. `hear` must not block.
-    pub(super) fn subscribe_live(
-        &self,
-        channels: &[Channel],
-        hear: impl Fn(Address, ZBytes) + Clone + Send + Sync + 'static,
-    ) -> Result<(), NodeError> {
-        self.subscribe_to(channels, keys::channel, hear)
-    }
-
-    fn subscribe_to(
-        &self,
-        channels: &[Channel],
-        selector: fn(&RunName, &Workers, Channel) -> String,
-        hear: impl Fn(Address, ZBytes) + Clone + Send + Sync + 'static,
-    ) -> Result<(), NodeError> {
         for channel in channels {
             let hear = hear.clone();
-            let subscriber = self
-                .session
-                .declare_subscriber(selector(&self.options.run, &self.options.worker, *channel))
-                .callback(move |sample| {
-                    if let Some(address) = Address::parse(sample.key_expr().as_str()) {
-                        hear(address, sample.payload().clone());
-                    }
-                })
-                .wait()
-                .map_err(SessionError::bus("subscribe"))?;
-            self.subscribers.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(subscriber);
+            self.listen(self.place.tape_channel(&self.options.worker, *channel), move |key, payload| {
+                if let Some(address) = Address::parse(key) {
+                    hear(address, payload);
+                }
+            })?;
         }
+        Ok(())
+    }
+
+    /// Hears what the simulator tells this node of its workers' episodes, in order. `hear` must not block.
+    pub(super) fn hear_told(&self, hear: impl Fn(Worker, ZBytes) + Send + Sync + 'static) -> Result<(), NodeError> {
+        let admitted = Arc::clone(&self.admitted);
+        self.listen(self.place.told(&self.options.worker), move |key, payload| {
+            if let Some(worker) = Place::told_of(key).filter(|_| admitted.load(Ordering::Relaxed)) {
+                hear(worker, payload);
+            }
+        })
+    }
+
+    fn listen(&self, key: String, hear: impl Fn(&str, ZBytes) + Send + Sync + 'static) -> Result<(), NodeError> {
+        let subscriber = self.session.declare_subscriber(key);
+        let subscriber = subscriber.callback(move |sample| hear(sample.key_expr().as_str(), sample.payload().clone()));
+        let subscriber = subscriber.wait().map_err(SessionError::bus("subscribe"))?;
+        self.subscribers.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(subscriber);
         Ok(())
     }
 
@@ -196,27 +223,34 @@ impl Connection {
     /// when standard input ends.
     ///
     /// # Errors
-    /// [`NodeError`] where the run is not there or of another version.
+    /// [`NodeError`] where the run is not there, of another version, or does not let this node in.
     pub fn serve(self, role: Role) -> Result<Stop, NodeError> {
         let name = self.options.name.clone().unwrap_or_else(|| format!("{role}-{}", std::process::id()));
-        let node = NodeId::new(role, self.options.worker.clone(), &name)?;
+        let node = NodeId::new(role, self.options.worker.clone(), &name, &self.session.zid().to_string())?;
         let (notify, notices) = sync_channel(16);
         self.stop_on_signals(&notify)?;
+        let (door, admitted) = (notify.clone(), Arc::clone(&self.admitted));
+        self.listen(self.place.door(&self.session.zid().to_string()), move |_, payload| {
+            if let Ok(word) = decode::<proto::Admission>(&payload.to_bytes()) {
+                admitted.store(word.accepted, Ordering::Relaxed);
+                let _ = door.try_send(Notice::Admission(word));
+            }
+        })?;
         let _watch = self.watch_sim(&notify)?;
         if self.options.exit_with_parent {
             watch_standard_input(notify);
         }
         // Subscribers stand: the simulator may count on this node from here on.
-        let token = self.session.liveliness().declare_token(node.key(&self.options.run)).wait();
+        let token = self.session.liveliness().declare_token(node.key(&self.place)).wait();
         let _token = token.map_err(SessionError::bus("declare the token"))?;
-        let result = self.wait(&notices);
+        let result = self.wait(&node, &notices);
         if let Err(e) = self.session.close().wait() {
             tracing::debug!("closing the session: {e}");
         }
         result
     }
 
-    fn wait(&self, notices: &Receiver<Notice>) -> Result<Stop, NodeError> {
+    fn wait(&self, node: &NodeId, notices: &Receiver<Notice>) -> Result<Stop, NodeError> {
         let Options { run, endpoint, .. } = &self.options;
         let first = notices.recv_timeout(RUN_TIMEOUT);
         let mut next =
@@ -227,7 +261,12 @@ impl Connection {
                 Notice::Sim { version } if version != WIRE_VERSION => {
                     return Err(NodeError::WrongVersion { theirs: version, ours: WIRE_VERSION });
                 }
-                Notice::Sim { .. } => tracing::info!("serving run {run} at {endpoint}"),
+                Notice::Sim { .. } => {}
+                Notice::Admission(word) if word.accepted => tracing::info!("serving run {run} at {endpoint}"),
+                Notice::Admission(word) => {
+                    let (node, reason) = (node.to_string(), shown(&word.reason));
+                    return Err(NodeError::Refused { node, reason, told_secret: !self.place.is_open() });
+                }
             }
             // Every sender gone means that the session is: so is the simulator.
             next = Ok(notices.recv().unwrap_or(Notice::Stop(Stop::SimGone)));
@@ -239,7 +278,7 @@ impl Connection {
         let watch = self
             .session
             .liveliness()
-            .declare_subscriber(keys::nodes(&self.options.run, Some(Role::Sim)))
+            .declare_subscriber(self.place.sim())
             .history(true)
             .callback(move |sample| {
                 let Some(sim) = NodeId::parse(sample.key_expr().as_str()) else { return };
@@ -264,6 +303,35 @@ impl Connection {
             Ok(()) | Err(ctrlc::Error::MultipleHandlers) => Ok(()),
             Err(e) => Err(NodeError::Signals(e.to_string())),
         }
+    }
+}
+
+/// What a node speaks with: only what it says with this is its answer.
+#[derive(Clone)]
+pub struct Voice {
+    place: Place,
+    session: Session,
+}
+
+impl Voice {
+    /// The key under which this node answers on `channel` about the episodes of `worker`.
+    #[must_use]
+    pub fn key(&self, worker: &Worker, channel: Channel) -> String {
+        self.place.answer(&Answering { worker: worker.clone(), channel, session: self.session.zid().to_string() })
+    }
+
+    /// Says it, to the simulator.
+    ///
+    /// # Errors
+    /// [`SessionError::Bus`] where the session is closed.
+    pub fn say(&self, worker: &Worker, channel: Channel, message: Vec<u8>) -> Result<(), SessionError> {
+        session::send(&self.session, &self.key(worker, channel), message)
+    }
+
+    /// The session that it speaks in.
+    #[must_use]
+    pub fn session(&self) -> &Session {
+        &self.session
     }
 }
 

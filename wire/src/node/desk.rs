@@ -1,6 +1,7 @@
 //! One worker's episodes as a node sees them, without IO: messages in, answers out.
 
 use std::any::Any;
+use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
@@ -10,7 +11,8 @@ use world::scene::SceneId;
 
 use super::{History, StepInput};
 use crate::convert::{MessageError, decode};
-use crate::keys::{Address, Channel, Role};
+use crate::envelope::{Saying, Telling};
+use crate::keys::{Channel, Role};
 use crate::{WIRE_VERSION, proto};
 
 /// What answers an episode's observations: a planner or a predictor. Its answer is already a message.
@@ -32,7 +34,10 @@ pub(super) struct Desk {
 }
 
 struct Episode {
-    scene: SceneId,
+    /// Its number in this run.
+    number: u64,
+    /// None where the scene cannot be read.
+    scene: Option<SceneId>,
     /// Or why it cannot be driven: then every observation is answered with that.
     mind: Result<(Briefing, History, Mind), String>,
     /// Whichever of the two comes first waits for the other.
@@ -45,43 +50,53 @@ impl Desk {
         Self { service, episode: None }
     }
 
-    /// Whether the scene of this episode came.
-    pub(super) fn knows(&self, scene: &SceneId) -> bool {
-        self.episode.as_ref().is_some_and(|episode| episode.scene == *scene)
+    /// The channel that the answers belong on.
+    pub(super) fn channel(&self) -> Channel {
+        if self.service.role() == Role::Predictor { Channel::Prediction } else { Channel::Plan }
     }
 
-    /// Takes a message in; gives the answer, where one is due, and the channel that it belongs on.
-    pub(super) fn take(&mut self, address: &Address, bytes: &[u8]) -> Option<(Channel, Vec<u8>)> {
-        match address.channel {
-            Channel::Scene => self.start(address, bytes),
-            Channel::Observation => return self.observe(address, bytes),
-            Channel::Prediction => return self.predicted(address, bytes),
-            Channel::End if self.knows(&address.scene) => self.episode = None,
-            _ => {}
+    /// Takes in what the simulator tells of episode `number`; gives the answer, where one is due.
+    pub(super) fn take(&mut self, number: u64, telling: Telling, bytes: &[u8]) -> Option<(Saying, Vec<u8>)> {
+        let is_on = self.episode.as_ref().is_some_and(|episode| episode.number == number);
+        match telling {
+            // The simulator tells it once: another is not its own.
+            Telling::Scene if is_on => tracing::warn!("a second scene of episode {number} is not believed"),
+            Telling::Scene => self.start(number, bytes),
+            Telling::Observation => return self.observe(number, bytes),
+            Telling::Prediction if is_on => return self.predicted(bytes),
+            Telling::Prediction => {}
+            Telling::End => {
+                if is_on {
+                    self.episode = None;
+                }
+                return Some((Saying::Done, Vec::new()));
+            }
         }
         None
     }
 
-    fn start(&mut self, address: &Address, bytes: &[u8]) {
+    fn start(&mut self, number: u64, bytes: &[u8]) {
         let service = &self.service;
+        let mut scene = None;
         let mind = briefing(bytes).and_then(|briefing| {
+            scene = Some(briefing.scene.clone());
             let mind = guarded(|| service.start(&briefing))?;
             let history = History::new(&briefing);
             Ok((briefing, history, mind))
         });
-        if let Err(error) = &mind {
-            tracing::error!("{}: {error}", address.scene);
+        let episode = Episode { number, scene, mind, observation: None, prediction: None };
+        if let Err(error) = &episode.mind {
+            tracing::error!("{episode}: {error}");
         }
-        self.episode = Some(Episode { scene: address.scene.clone(), mind, observation: None, prediction: None });
+        self.episode = Some(episode);
     }
 
-    fn observe(&mut self, address: &Address, bytes: &[u8]) -> Option<(Channel, Vec<u8>)> {
+    fn observe(&mut self, number: u64, bytes: &[u8]) -> Option<(Saying, Vec<u8>)> {
         let observation = match decode::<proto::Observation>(bytes).and_then(Observation::try_from) {
             Ok(observation) => observation,
-            // Without the step there is no way to answer: the simulator's deadline will tell.
-            Err(e) => return self.log(address, &e),
+            Err(e) => return Some(self.refuse(0, format!("the observation cannot be read: {e}"))),
         };
-        let Some(episode) = self.episode.as_mut().filter(|episode| episode.scene == address.scene) else {
+        let Some(episode) = self.episode.as_mut().filter(|episode| episode.number == number) else {
             return Some(self.refuse(observation.step, "its scene never came".to_owned()));
         };
         if let Ok((_, history, _)) = &mut episode.mind {
@@ -91,20 +106,24 @@ impl Desk {
         self.answer()
     }
 
-    fn predicted(&mut self, address: &Address, bytes: &[u8]) -> Option<(Channel, Vec<u8>)> {
-        let episode = self.episode.as_mut().filter(|episode| episode.scene == address.scene)?;
+    fn predicted(&mut self, bytes: &[u8]) -> Option<(Saying, Vec<u8>)> {
+        let episode = self.episode.as_mut()?;
         let prediction = decode::<proto::Prediction>(bytes).and_then(UncheckedPrediction::try_from);
         match prediction.map_err(|e| e.to_string()).and_then(checked) {
             Ok(prediction) => {
                 episode.prediction = Some(prediction);
                 self.answer()
             }
-            Err(e) => self.log(address, &e),
+            // The simulator judges it too, and ends the episode.
+            Err(e) => {
+                tracing::error!("{episode}: the prediction is refused: {e}");
+                None
+            }
         }
     }
 
     /// The answer, once all that it needs is there.
-    fn answer(&mut self) -> Option<(Channel, Vec<u8>)> {
+    fn answer(&mut self) -> Option<(Saying, Vec<u8>)> {
         let needs_prediction = self.service.needs_prediction();
         let episode = self.episode.as_mut()?;
         let step = episode.observation.as_ref()?.step;
@@ -123,27 +142,31 @@ impl Desk {
         let prediction = episode.prediction.take();
         let input = StepInput { briefing, observation: &observation, history, prediction: prediction.as_ref() };
         match guarded(|| mind(&input)) {
-            Ok(answer) => Some((self.channel(), answer)),
+            Ok(answer) => Some((self.saying(), answer)),
             Err(error) => {
                 // What it was in the middle of is unknown: it is not asked again.
-                tracing::error!("{} step {step}: {error}", episode.scene);
+                tracing::error!("{episode} step {step}: {error}");
                 episode.mind = Err(error.clone());
                 Some(self.refuse(step, error))
             }
         }
     }
 
-    fn channel(&self) -> Channel {
-        if self.service.role() == Role::Predictor { Channel::Prediction } else { Channel::Plan }
+    fn saying(&self) -> Saying {
+        if self.service.role() == Role::Predictor { Saying::Prediction } else { Saying::Plan }
     }
 
-    fn refuse(&self, step: u32, error: String) -> (Channel, Vec<u8>) {
-        (self.channel(), self.service.refusal(step, error))
+    fn refuse(&self, step: u32, error: String) -> (Saying, Vec<u8>) {
+        (self.saying(), self.service.refusal(step, error))
     }
+}
 
-    fn log(&self, address: &Address, error: &dyn std::fmt::Display) -> Option<(Channel, Vec<u8>)> {
-        tracing::error!("{} of {}: {error}", address.channel.name(), address.scene);
-        None
+impl fmt::Display for Episode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.scene {
+            Some(scene) => scene.fmt(f),
+            None => write!(f, "episode {}", self.number),
+        }
     }
 }
 
@@ -184,7 +207,6 @@ pub(crate) mod tests {
 
     use super::super::{Planner, PlannerFactory, Planners};
     use super::*;
-    use crate::keys::Worker;
 
     pub(crate) fn briefing() -> Briefing {
         let step = |log_index| HistoryStep { log_index, av: AgentState::default(), agents: vec![] };
@@ -252,18 +274,17 @@ pub(crate) mod tests {
         Desk::new(Arc::new(Planners(Arc::new(Scripted { needs_prediction }))))
     }
 
-    fn address(channel: Channel) -> Address {
-        Address { worker: Worker::numbered(0), scene: SceneId::new("s").unwrap(), channel }
-    }
+    const EPISODE: u64 = 7;
 
-    fn tell(desk: &mut Desk, channel: Channel, message: &impl prost::Message) -> Option<proto::Plan> {
-        let (channel, bytes) = desk.take(&address(channel), &message.encode_to_vec())?;
-        assert_eq!(channel, Channel::Plan);
-        Some(proto::Plan::decode(bytes.as_slice()).unwrap())
+    fn tell(desk: &mut Desk, telling: Telling, message: &impl prost::Message) -> Option<proto::Plan> {
+        match desk.take(EPISODE, telling, &message.encode_to_vec())? {
+            (Saying::Plan, bytes) => Some(proto::Plan::decode(bytes.as_slice()).unwrap()),
+            (saying, _) => panic!("{saying:?}"),
+        }
     }
 
     fn observe(desk: &mut Desk, step: u32) -> Option<proto::Plan> {
-        tell(desk, Channel::Observation, &proto::Observation::from(&observation(step)))
+        tell(desk, Telling::Observation, &proto::Observation::from(&observation(step)))
     }
 
     fn scene() -> proto::Scene {
@@ -273,7 +294,7 @@ pub(crate) mod tests {
     #[test]
     fn an_observation_is_answered() {
         let mut desk = desk(false);
-        assert_eq!(tell(&mut desk, Channel::Scene, &scene()), None);
+        assert_eq!(tell(&mut desk, Telling::Scene, &scene()), None);
         let plan = observe(&mut desk, 0).unwrap();
         assert_eq!((plan.step, plan.error.as_str()), (0, ""));
     }
@@ -281,20 +302,20 @@ pub(crate) mod tests {
     #[test]
     fn a_plan_waits_for_the_prediction_of_its_step() {
         let mut desk = desk(true);
-        tell(&mut desk, Channel::Scene, &scene());
+        tell(&mut desk, Telling::Scene, &scene());
         assert_eq!(observe(&mut desk, 1), None);
         let prediction = |step| proto::Prediction { step, ..Default::default() };
-        assert_eq!(tell(&mut desk, Channel::Prediction, &prediction(0)), None);
-        assert_eq!(tell(&mut desk, Channel::Prediction, &prediction(1)).unwrap().step, 1);
+        assert_eq!(tell(&mut desk, Telling::Prediction, &prediction(0)), None);
+        assert_eq!(tell(&mut desk, Telling::Prediction, &prediction(1)).unwrap().step, 1);
         // The other way round.
-        assert_eq!(tell(&mut desk, Channel::Prediction, &prediction(2)), None);
+        assert_eq!(tell(&mut desk, Telling::Prediction, &prediction(2)), None);
         assert_eq!(observe(&mut desk, 2).unwrap().step, 2);
     }
 
     #[test]
     fn an_error_is_told_and_the_planner_asked_no_more() {
         let mut desk = desk(false);
-        tell(&mut desk, Channel::Scene, &scene());
+        tell(&mut desk, Telling::Scene, &scene());
         assert_eq!(observe(&mut desk, 8).unwrap().error, "no way ahead");
         assert_eq!(observe(&mut desk, 10).unwrap().error, "no way ahead");
     }
@@ -302,25 +323,36 @@ pub(crate) mod tests {
     #[test]
     fn a_panic_is_told_and_the_next_episode_is_planned() {
         let mut desk = desk(false);
-        tell(&mut desk, Channel::Scene, &scene());
+        tell(&mut desk, Telling::Scene, &scene());
         assert_eq!(observe(&mut desk, 9).unwrap().error, "it panicked: index 3 out of range");
-        tell(&mut desk, Channel::Scene, &scene());
-        assert_eq!(observe(&mut desk, 0).unwrap().error, "");
+        assert_eq!(desk.take(EPISODE + 1, Telling::Scene, &scene().encode_to_vec()), None);
+        let first = proto::Observation::from(&observation(0)).encode_to_vec();
+        let (_, plan) = desk.take(EPISODE + 1, Telling::Observation, &first).unwrap();
+        assert_eq!(proto::Plan::decode(plan.as_slice()).unwrap().error, "");
     }
 
     #[test]
     fn an_episode_is_forgotten_at_its_end() {
         let mut desk = desk(false);
-        tell(&mut desk, Channel::Scene, &scene());
-        tell(&mut desk, Channel::End, &proto::EpisodeEnd::default());
-        assert!(!desk.knows(&SceneId::new("s").unwrap()));
+        tell(&mut desk, Telling::Scene, &scene());
+        let done = Some((Saying::Done, vec![]));
+        assert_eq!(desk.take(EPISODE, Telling::End, &proto::EpisodeEnd::default().encode_to_vec()), done);
         assert_eq!(observe(&mut desk, 0).unwrap().error, "its scene never came");
+    }
+
+    #[test]
+    fn the_first_scene_is_believed_and_the_end_of_its_own_episode() {
+        let mut desk = desk(false);
+        tell(&mut desk, Telling::Scene, &scene());
+        tell(&mut desk, Telling::Scene, &proto::Scene { wire_version: 99, ..scene() });
+        desk.take(EPISODE - 1, Telling::End, &[]);
+        assert_eq!(observe(&mut desk, 0).unwrap().error, "");
     }
 
     #[test]
     fn a_simulator_of_another_version_is_refused_with_both_versions() {
         let mut desk = desk(false);
-        tell(&mut desk, Channel::Scene, &proto::Scene { wire_version: 99, ..scene() });
+        tell(&mut desk, Telling::Scene, &proto::Scene { wire_version: 99, ..scene() });
         let error = observe(&mut desk, 0).unwrap().error;
         assert_eq!(error, format!("the simulator speaks version 99 of the messages, this node version {WIRE_VERSION}"));
     }

@@ -17,20 +17,20 @@ mod history;
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
 
 use prost::Message as _;
 use world::observation::{Briefing, Observation};
 use world::plan::{Prediction, UncheckedPlan, UncheckedPrediction};
+use zenoh::Wait;
 use zenoh::bytes::ZBytes;
-use zenoh::pubsub::Publisher;
-use zenoh::{Session, Wait};
 
-pub use connection::{Connection, NodeError, Options, Stop};
+pub use connection::{Connection, NodeError, Options, Stop, Voice};
 use desk::{Desk, Mind, Service};
 pub use history::History;
 
-use crate::keys::{Address, Channel, Role, RunName, Worker};
+use crate::convert::Message;
+use crate::envelope::{self, Telling};
+use crate::keys::{Role, Worker};
 use crate::proto;
 use crate::session::{self, SessionError};
 use crate::waiting;
@@ -118,7 +118,7 @@ impl Service for Planners {
 
     fn start(&self, briefing: &Briefing) -> Result<Mind, String> {
         let mut planner = self.0.start(briefing)?;
-        Ok(Box::new(move |step| planner.plan(step).map(|plan| proto::Plan::from(&plan).encode_to_vec())))
+        Ok(Box::new(move |step| planner.plan(step).and_then(|plan| encoded(&proto::Plan::from(&plan)))))
     }
 
     fn refusal(&self, step: u32, error: String) -> Vec<u8> {
@@ -139,7 +139,7 @@ impl Service for Predictors {
 
     fn start(&self, briefing: &Briefing) -> Result<Mind, String> {
         let mut predictor = self.0.start(briefing)?;
-        Ok(Box::new(move |step| predictor.predict(step).map(|p| proto::Prediction::from(&p).encode_to_vec())))
+        Ok(Box::new(move |step| predictor.predict(step).and_then(|p| encoded(&proto::Prediction::from(&p)))))
     }
 
     fn refusal(&self, step: u32, error: String) -> Vec<u8> {
@@ -147,93 +147,79 @@ impl Service for Predictors {
     }
 }
 
+/// An answer as it travels; not one that the simulator would refuse unread.
+fn encoded<M: Message>(message: &M) -> Result<Vec<u8>, String> {
+    let bytes = message.encode_to_vec();
+    let limit = M::MAX_BYTES;
+    if bytes.len() > limit {
+        return Err(format!("its {} has {} bytes; at most {limit} are taken", M::NAME.to_lowercase(), bytes.len()));
+    }
+    Ok(bytes)
+}
+
 fn serve(options: &Options, service: Arc<dyn Service>) -> Result<Stop, NodeError> {
     let connection = Connection::open(options)?;
-    let mut channels = vec![Channel::Scene, Channel::Observation, Channel::End];
-    if service.needs_prediction() {
-        // Said now, or every episode would end in silence at its first deadline.
-        if !connection.run_info()?.predictor {
-            return Err(NodeError::NoPredictor { run: options.run.clone() });
-        }
-        channels.push(Channel::Prediction);
+    // Said now, or every episode would end in silence at its first deadline.
+    if service.needs_prediction() && !connection.run_info()?.predictor {
+        return Err(NodeError::NoPredictor { run: options.run.clone() });
     }
     let role = service.role();
-    let desks = Desks { run: options.run.clone(), session: connection.session(), service, queues: Mutex::default() };
-    let desks = Arc::new(desks);
-    connection.subscribe_live(&channels, move |address, payload| desks.hand(address, payload))?;
+    let desks = Desks { voice: connection.voice(), service, queues: Mutex::default() };
+    connection.hear_told(move |worker, payload| desks.hand(worker, payload))?;
     connection.serve(role)
 }
 
 /// Messages that may wait for a worker's thread. An honest simulator sends an observation and waits for the answer.
 const QUEUE: usize = 256;
 
-/// How long a node waits for the scene of an episode that it joined late.
-const SCENE_QUERY: Duration = Duration::from_secs(3);
-
 /// The threads of the workers that this node serves.
 struct Desks {
-    run: RunName,
-    session: Session,
+    voice: Voice,
     service: Arc<dyn Service>,
     /// A worker's thread ends when its sender is dropped with this map.
-    queues: Mutex<BTreeMap<Worker, SyncSender<(Address, ZBytes)>>>,
+    queues: Mutex<BTreeMap<Worker, SyncSender<ZBytes>>>,
 }
 
 impl Desks {
     /// Hands a message to the thread of its worker. Called by the transport: never blocks.
-    fn hand(&self, address: Address, payload: ZBytes) {
+    fn hand(&self, worker: Worker, payload: ZBytes) {
         let mut queues = self.queues.lock().unwrap_or_else(PoisonError::into_inner);
-        let queue = queues.entry(address.worker.clone()).or_insert_with(|| self.start_thread());
-        if let Err(TrySendError::Full((address, _))) = queue.try_send((address, payload)) {
-            tracing::error!(
-                "{} messages wait unread: {} of {} is dropped",
-                QUEUE,
-                address.channel.name(),
-                address.scene
-            );
+        let queue = queues.entry(worker.clone()).or_insert_with(|| self.start_thread(worker.clone()));
+        if let Err(TrySendError::Full(_)) = queue.try_send(payload) {
+            tracing::error!("{QUEUE} messages of worker {worker} wait unread: one is dropped");
         }
     }
 
-    fn start_thread(&self) -> SyncSender<(Address, ZBytes)> {
+    fn start_thread(&self, worker: Worker) -> SyncSender<ZBytes> {
         let (sender, receiver) = sync_channel(QUEUE);
-        let (run, session, desk) = (self.run.clone(), self.session.clone(), Desk::new(Arc::clone(&self.service)));
-        std::thread::spawn(move || attend(&run, &session, desk, &receiver));
+        let (voice, desk) = (self.voice.clone(), Desk::new(Arc::clone(&self.service)));
+        std::thread::spawn(move || attend(&worker, &voice, desk, &receiver));
         sender
     }
 }
 
 /// A worker's thread.
-fn attend(run: &RunName, session: &Session, mut desk: Desk, messages: &Receiver<(Address, ZBytes)>) {
-    let mut answers: Option<(Address, Publisher<'static>)> = None;
-    while let Some((address, payload)) = waiting::receive(messages, None) {
-        if address.channel == Channel::Observation && !desk.knows(&address.scene) {
-            let scene = Address { channel: Channel::Scene, ..address.clone() };
-            if let Some(bytes) = ask(session, &scene.key(run)) {
-                let _ = desk.take(&scene, &bytes);
+fn attend(worker: &Worker, voice: &Voice, mut desk: Desk, messages: &Receiver<ZBytes>) {
+    let key = voice.key(worker, desk.channel());
+    let publisher = match session::publisher(voice.session(), key) {
+        Ok(publisher) => publisher,
+        Err(e) => return tracing::error!("worker {worker} is not served: {e}"),
+    };
+    while let Some(payload) = waiting::receive(messages, None) {
+        let told = payload.to_bytes();
+        let (episode, telling, message) = match envelope::open::<Telling>(&told) {
+            Ok(told) => told,
+            Err(e) => {
+                tracing::error!("worker {worker}: {e}");
+                continue;
             }
-        }
-        let Some((channel, answer)) = desk.take(&address, &payload.to_bytes()) else { continue };
-        let address = Address { channel, ..address };
-        let sent = match answers.as_ref().filter(|(of, _)| *of == address) {
-            Some((_, publisher)) => publisher.put(answer).wait().map_err(SessionError::bus("send")),
-            // The first of an episode.
-            None => session::publisher(session, address.key(run)).and_then(|publisher| {
-                let sent = publisher.put(answer).wait().map_err(SessionError::bus("send"));
-                answers = Some((address, publisher));
-                sent
-            }),
         };
-        match sent {
+        let Some((saying, answer)) = desk.take(episode, telling, message) else { continue };
+        match publisher.put(envelope::seal(episode, saying, answer.into())).wait() {
             Ok(()) => {}
             // Closed by this process itself: nobody waits for the answer.
-            Err(_) if session.is_closed() => return,
-            Err(e) => tracing::error!("an answer is lost: {e}"),
+            Err(_) if voice.session().is_closed() => return,
+            Err(e) => tracing::error!("an answer is lost: {}", SessionError::bus("send")(e)),
         }
     }
-}
-
-/// The document of `key`, if anybody has it.
-fn ask(session: &Session, key: &str) -> Option<Vec<u8>> {
-    let replies = session.get(key).timeout(SCENE_QUERY).wait().ok()?;
-    replies.into_iter().find_map(|reply| reply.result().ok().map(|sample| sample.payload().to_bytes().into_owned()))
 }

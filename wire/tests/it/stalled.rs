@@ -4,8 +4,8 @@ use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use wire::hub::{Hub, HubSettings, NodeEvent, Wanted};
-use wire::keys::{Channel, Role, Worker, Workers};
+use wire::hub::{Cast, Hub, HubSettings, NodeEvent, Seat};
+use wire::keys::{Channel, Role, Secret, Worker, Workers};
 use wire::node::{Connection, Options, Planner, PlannerFactory, StepInput, serve_planner};
 use world::observation::{Briefing, Observation};
 use world::plan::{PLAN_STEPS, PlanState, UncheckedPlan};
@@ -31,12 +31,13 @@ impl Planner for Empty {
     }
 }
 
-fn options(endpoint: &str, worker: Workers) -> Options {
+fn options(endpoint: &str, worker: Workers, secret: &str) -> Options {
     Options {
         endpoint: endpoint.to_owned(),
         run: "stalled".parse().unwrap(),
         worker,
         name: None,
+        secret: Some(Secret::from(secret)),
         exit_with_parent: false,
     }
 }
@@ -46,7 +47,8 @@ fn options(endpoint: &str, worker: Workers) -> Options {
 #[ignore = "the listener's process, started by the test below"]
 fn listener() {
     let Ok(endpoint) = std::env::var("STALLED_ENDPOINT") else { return };
-    let connection = Connection::open(&options(&endpoint, Workers::All)).unwrap();
+    let secret = std::env::var("STALLED_SECRET").unwrap();
+    let connection = Connection::open(&options(&endpoint, Workers::All, &secret)).unwrap();
     connection.subscribe(&Channel::ALL, |_, _| {}).unwrap();
     let _ = connection.serve(Role::Recorder);
 }
@@ -92,22 +94,25 @@ fn observation(step: u32) -> Observation {
 fn a_stopped_recorder_makes_no_drive_miss_a_deadline() {
     let hub = Hub::open_with(&"stalled".parse().unwrap(), &HubSettings { endpoint: None, deadline: DEADLINE }).unwrap();
     let events = hub.watch();
+    let recorder = hub.seat(Role::Recorder, &Workers::All).unwrap();
     let listener = Command::new(std::env::current_exe().unwrap())
         .args(["--exact", "stalled::listener", "--ignored"])
         .env("STALLED_ENDPOINT", hub.endpoint())
+        .env("STALLED_SECRET", recorder.secret().reveal())
         .stdout(Stdio::null())
         .spawn()
         .unwrap();
     let listener = Listener(listener);
+    let mut planners = Vec::new();
     for number in 0..WORKERS {
-        let options = options(hub.endpoint(), Workers::One(Worker::numbered(number)));
+        let workers = Workers::One(Worker::numbered(number));
+        let seat = hub.seat(Role::Planner, &workers).unwrap();
+        let options = options(hub.endpoint(), workers, seat.secret().reveal());
         std::thread::spawn(move || serve_planner(&options, Arc::new(Empty)));
+        planners.push(seat);
     }
-    let mut wanted: Vec<Wanted> = (0..WORKERS)
-        .map(|n| Wanted { role: Role::Planner, workers: Workers::One(Worker::numbered(n)), name: None })
-        .collect();
-    wanted.push(Wanted { role: Role::Recorder, workers: Workers::All, name: None });
-    hub.wait_for_nodes(&wanted, Duration::from_secs(10), &|| false).unwrap();
+    let seats: Vec<&Seat> = planners.iter().chain([&recorder]).collect();
+    hub.wait_for_nodes(&seats, Duration::from_secs(10), &|| false).unwrap();
     let stopped = Command::new("kill").args(["-STOP", &listener.0.id().to_string()]).status().unwrap();
     assert!(stopped.success());
 
@@ -115,8 +120,8 @@ fn a_stopped_recorder_makes_no_drive_miss_a_deadline() {
         let drives: Vec<_> = (0..WORKERS)
             .map(|number| {
                 scope.spawn({
-                    let hub = &hub;
-                    move || drive(hub, number)
+                    let (hub, seat) = (&hub, &planners[number]);
+                    move || drive(hub, seat, number)
                 })
             })
             .collect();
@@ -131,9 +136,10 @@ fn a_stopped_recorder_makes_no_drive_miss_a_deadline() {
 }
 
 /// Drives an episode; gives the time of its slowest step.
-fn drive(hub: &Hub, number: usize) -> Duration {
+fn drive(hub: &Hub, planner: &Seat, number: usize) -> Duration {
     let scene = SceneId::new(format!("scene-{number}")).unwrap();
-    let mut line = hub.episode(&Worker::numbered(number), &scene, false).unwrap();
+    let cast = Cast { planner, predictor: None, recorder: None };
+    let mut line = hub.episode(&Worker::numbered(number), &scene, cast).unwrap();
     let briefing = Briefing {
         scene,
         protocol: "strict".to_owned(),
