@@ -3,6 +3,7 @@
 //! | module | what |
 //! | --- | --- |
 //! | [`table`] | finished runs, a line each |
+//! | [`scenes`] | a run scene by scene, the worst first |
 //! | [`open_loop`] | the paper's open-loop metrics: a plan held to the log, frame by frame |
 
 pub mod open_loop;
