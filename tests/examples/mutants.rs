@@ -1,6 +1,6 @@
 //! Damages recordings a million times, and has each read in all ways that there are: `mutants COUNT FIRST-SEED x.mcap ...`
 //!
-//! Short recordings are made of the first steps of those given. Each damaged one goes through `info`, `export` and what `explain`
+//! Short recordings are made of the first steps of those given, with a piece of their map and line, so that many a second are read. Each damaged one goes through `info`, `export` and what `explain`
 //! reads, in this process: a panic, or 5 s over one of them, ends it with the seed that shows it. Nothing is written to disk.
 
 use std::path::Path;
@@ -12,9 +12,13 @@ use recorder::fuzzing;
 use recorder::mcap::{EpisodeWriter, read};
 use recorder::message::{Body, Message};
 use recording::mutants::{Dice, mutant};
+use wire::proto;
 
 /// Longer than this none may take.
 const LIMIT: Duration = Duration::from_secs(5);
+
+/// Samples of the reference line that are kept.
+const SAMPLES: usize = 1200;
 
 /// Steps that are kept.
 const STEPS: u32 = 2;
@@ -67,16 +71,49 @@ fn short(bytes: &[u8]) -> Vec<u8> {
     let contents = read(bytes, |message| messages.push(message)).expect("a recording");
     let mut writer = EpisodeWriter::new(&contents.run, &contents.settings).expect("it was one");
     let mut short = Vec::new();
-    for message in messages.iter().filter(|message| message.step() < STEPS || matches!(message.body, Body::End(_))) {
+    messages.retain(|message| message.step() < STEPS || matches!(message.body, Body::End(_)));
+    for message in messages.into_iter().map(trimmed) {
         if matches!(message.body, Body::Observation(_) | Body::End(_)) {
             writer.close_chunk().expect("it is in memory");
         }
-        writer.write(message).expect("it was written before");
+        writer.write(&message).expect("it was written before");
     }
     short.extend(writer.take());
     short.extend(writer.finish().expect("it is in memory"));
     println!("{} bytes", short.len());
     short
+}
+
+/// The same message with less in it.
+fn trimmed(message: Message) -> Message {
+    let shorten = |line: Option<&mut proto::ReferenceLine>| {
+        let Some(line) = line else { return };
+        for column in
+            [&mut line.x, &mut line.y, &mut line.z, &mut line.heading, &mut line.curvature, &mut line.speed_limit]
+        {
+            column.truncate(SAMPLES);
+        }
+        line.crosswalk.truncate(SAMPLES);
+    };
+    let body = match message.body {
+        Body::Scene(mut scene) => {
+            shorten(scene.reference_line.as_mut());
+            let gone = scene.history.len().saturating_sub(2);
+            scene.history.drain(..gone);
+            if let Some(map) = &mut scene.map {
+                map.lanes.truncate(2);
+                map.road_lines.truncate(1);
+                map.road_edges.truncate(1);
+            }
+            Body::Scene(scene)
+        }
+        Body::Observation(mut observation) => {
+            shorten(observation.window.as_mut());
+            Body::Observation(observation)
+        }
+        other => return Message { body: other, payload: message.payload },
+    };
+    Message::encode(body)
 }
 
 /// Ends the process when a mutant takes too long.
