@@ -17,6 +17,9 @@ const UNPACKED_LIMIT: u64 = 2 << 30;
 /// The most records of a file. A long drive has some ten thousand.
 const RECORD_LIMIT: u64 = 1 << 21;
 
+/// The most bytes of a named table: the run's settings, some kilobytes.
+const METADATA_LIMIT: usize = 8 << 20;
+
 /// The bytes do not begin as an MCAP file, and no chunk of one is among them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error(
@@ -80,6 +83,8 @@ pub struct Reader<'a> {
     waiting: Option<Damage>,
     /// Something was named: that the data's checksum is another then says nothing new.
     damaged: bool,
+    /// No chunk follows, by its look.
+    no_more_chunks: bool,
     /// Whether the end of the data was passed.
     after_data: bool,
     /// What was read so far.
@@ -126,6 +131,7 @@ impl<'a> Reader<'a> {
             unknown: BTreeSet::new(),
             damaged: waiting.is_some(),
             waiting,
+            no_more_chunks: false,
             after_data: false,
             spent: Spent::default(),
             done: false,
@@ -203,7 +209,8 @@ impl<'a> Reader<'a> {
                 found.unwrap_or_else(|fault| self.damage(at, fault))
             }
             op::METADATA if !self.after_data => {
-                let mut fields = Fields(frame.body);
+                // Entries take more room here than there.
+                let mut fields = Fields(if frame.body.len() <= METADATA_LIMIT { frame.body } else { &[] });
                 match (fields.text(), fields.table()) {
                     (Some(_), Some(_)) => Some(Found::Metadata(at)),
                     _ => self.damage(at, Fault::Fields { opcode }),
@@ -227,7 +234,7 @@ impl<'a> Reader<'a> {
 
     /// Goes on at the next chunk, or at the end, after the framing was lost at a byte.
     fn lost(&mut self, at: usize) -> Option<Found> {
-        let next = Chunk::find(self.bytes, at + 1).filter(|_| !self.after_data);
+        let next = if self.after_data { None } else { self.next_chunk(at + 1) };
         match next.or(self.footer.map(|footer| footer.at).filter(|end| *end > at)) {
             Some(next) => {
                 self.at = next;
@@ -240,6 +247,13 @@ impl<'a> Reader<'a> {
                 self.damage(at, if has_end { Fault::End } else { Fault::CutOff })
             }
         }
+    }
+
+    /// Where the next chunk begins. That there is none is found out once, for to find it out takes a look at all the rest.
+    fn next_chunk(&mut self, from: usize) -> Option<usize> {
+        let found = if self.no_more_chunks { None } else { Chunk::find(self.bytes, from) };
+        self.no_more_chunks = found.is_none();
+        found
     }
 
     /// The footer.
@@ -257,7 +271,7 @@ impl<'a> Reader<'a> {
     fn open(&mut self, at: usize, body: &[u8]) -> Option<Found> {
         let Some(chunk) = Chunk::of(body) else {
             // Its length is as doubtful as the rest.
-            self.at = Chunk::find(self.bytes, at + 1).unwrap_or(self.at);
+            self.at = self.next_chunk(at + 1).unwrap_or(self.at);
             return self.damage(at, Fault::Fields { opcode: op::CHUNK });
         };
         self.spent.unpacked += chunk.size.min(CHUNK_LIMIT);

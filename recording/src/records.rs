@@ -11,6 +11,9 @@ pub const HEADER_BYTES: usize = 9;
 /// The most bytes of a chunk. Ours are closed at about a megabyte; a message may be larger, 16 MiB at most.
 pub const CHUNK_LIMIT: u64 = 32 << 20;
 
+/// The longest name of a compression that is looked at (bytes); the rest is left out.
+const NAME_LIMIT: usize = 16;
+
 /// Opcodes.
 #[allow(missing_docs, reason = "the specification's")]
 pub mod op {
@@ -97,7 +100,9 @@ impl<'a> Chunk<'a> {
     pub fn of(body: &'a [u8]) -> Option<Self> {
         let mut fields = Fields(body);
         let (_first_time, _last_time) = (fields.u64()?, fields.u64()?);
-        let (size, crc, compression) = (fields.u64()?, fields.u32()?, fields.text()?);
+        let (size, crc, compression) = (fields.u64()?, fields.u32()?, fields.bytes()?);
+        // A name; to look through more would take long where many bytes look like a chunk.
+        let compression = str::from_utf8(compression.get(..NAME_LIMIT.min(compression.len()))?).ok()?;
         let packed = usize::try_from(fields.u64()?).ok()?;
         Some(Self { size, crc, compression, packed: fields.take(packed)? })
     }

@@ -267,6 +267,27 @@ fn last_fault_of_many(records: &[u8]) -> Fault {
     last.unwrap()
 }
 
+#[test]
+fn bytes_that_look_like_chunks_cost_no_more_than_others() {
+    // Chunks by their opcode, each with a length that fits and a name that is half of the file; and chunks of no fields at all.
+    let mut look_alike = MAGIC.to_vec();
+    let length = 4_u64 << 20;
+    while (look_alike.len() as u64) < 2 * length {
+        look_alike.push(op::CHUNK);
+        look_alike.extend(length.to_le_bytes());
+        look_alike.extend([b'a'; 28]);
+        look_alike.extend(((length / 2) as u32).to_le_bytes());
+    }
+    let mut empty = MAGIC.to_vec();
+    (0..1 << 19).for_each(|_| empty.extend([op::CHUNK, 2, 0, 0, 0, 0, 0, 0, 0, 9, 9]));
+    let start = std::time::Instant::now();
+    for bytes in [look_alike, empty] {
+        let mut reader = Reader::new(&bytes).unwrap();
+        while reader.next().is_some() {}
+    }
+    assert!(start.elapsed() < std::time::Duration::from_secs(20), "{:?}", start.elapsed());
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
 

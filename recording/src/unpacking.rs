@@ -35,7 +35,7 @@ impl Unpacker {
                 let unpacked = self.decompressor.decompress_to_buffer(chunk.packed, &mut self.records);
                 unpacked.map_err(|error| Fault::Unpacking(error.to_string()))?;
             }
-            other => return Err(Fault::Compression(other.chars().take(16).collect())),
+            other => return Err(Fault::Compression(other.to_owned())),
         }
         if self.records.len() != size {
             return Err(Fault::Unpacking("its size is another".to_owned()));
