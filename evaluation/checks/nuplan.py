@@ -105,8 +105,9 @@ def check_lanes(count, worlds, judge, tally, nuplan):
         theirs, travel = nuplan.direction(answer["world"], question)
         what = f"lane {number} of {world['id']}"
         tally.compare(what, "lanes: DDC", answer["metrics"][COLUMNS["DDC"]], theirs)
+        # A step does not know yet which of several connectors is driven: next to the same.
         ours = max(step["backward_travel"] for step in answer["steps"])
-        tally.compare(what, "lanes: m", ours, travel, 1e-6 if theirs == answer["metrics"][COLUMNS["DDC"]] else 1e9)
+        tally.compare(what, "lanes: m", ours, travel, 0.01)
 
 
 def length(line):
@@ -153,7 +154,7 @@ def check_boxes(count, judge, tally, nuplan):
     rng = random.Random(2)
     for number in range(count):
         near = 3.0 if number % 2 else 25.0
-        speed = lambda: rng.choice([0.0, 0.004, 0.05, rng.uniform(0, 15), rng.uniform(0, 15)])
+        speed = lambda: rng.choice([0.0, 0.004, 0.049, 0.051, rng.uniform(0, 15), rng.uniform(0, 15)])
         av = [0.0, 0.0, rng.uniform(-3.1, 3.1), speed(), 5.286, 2.332]
         agent = [rng.uniform(-near, near), rng.uniform(-near, near), rng.uniform(-3.1, 3.1), speed()]
         agent += [rng.uniform(0.4, 12), rng.uniform(0.4, 2.6)]

@@ -18,6 +18,7 @@ from nuplan.common.actor_state.state_representation import StateSE2, StateVector
 from nuplan.common.actor_state.tracked_objects import TrackedObjects
 from nuplan.common.actor_state.tracked_objects_types import TrackedObjectType as Kind
 from nuplan.common.actor_state.vehicle_parameters import VehicleParameters
+from nuplan.common.maps.abstract_map_objects import Lane
 from nuplan.planning.metrics.aggregator.weighted_average_metric_aggregator import WeightedAverageMetricAggregator
 from nuplan.planning.metrics.evaluation_metrics.common import (
     drivable_area_compliance,
@@ -113,6 +114,10 @@ def score(seen, result, rows):
     terms["DDC"] = measure(direction, whole)
     # The start is the log's own: it is not judged, and the time of the first step counts.
     lanes.ego_driven_route[0] = []
+    # nuPlan's connectors lead to one lane each; where ours lead to several, which lie on each other, the first is driven.
+    lanes.ego_driven_route = [
+        driven[:1] if driven and isinstance(driven[0], Lane) else driven for driven in lanes.ego_driven_route
+    ]
     limits = speed_limit_compliance.SpeedLimitComplianceStatistics("SL", "", lanes, 1, 2.23)
     terms["SL"] = measure(limits, whole)
     del lanes.ego_driven_route[0], lanes.corners_route[0]

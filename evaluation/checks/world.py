@@ -106,7 +106,7 @@ def lane_class(base):
 
 
 class RoadBlock:
-    """The way along one of the expert's lanes: what is beside it, up to where a drive ends as off route."""
+    """The way along one of the expert's lanes: what is beside it, as far as a drive gets that ends as off route."""
 
     def __init__(self, lane, reach):
         self.strip, self.reach = lane.strip, reach
@@ -116,7 +116,7 @@ class RoadBlock:
         ahead, _ = self.strip.segments.ahead(index, (point.x, point.y))
         last = len(self.strip.segments.length) - 1
         beyond = (index == 0 and ahead < 0) or (index == last and ahead > self.strip.segments.length[index])
-        return not beyond and distance <= self.reach
+        return not beyond and distance <= 2 * self.reach
 
 
 class World:
