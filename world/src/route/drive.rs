@@ -149,8 +149,7 @@ pub(super) fn link(from: &Option<LaneMatch>, to: &Option<LaneMatch>, graph: &Lan
     };
     let next = graph.successors(from.lane);
     let leads_on = if from.lane == to.lane {
-        // A lane may be a whole circle, and lead into itself.
-        to.point + 1 >= from.point || next.contains(&to.lane)
+        to.point + 1 >= from.point
     } else {
         next.contains(&to.lane) || next.iter().any(|lane| graph.successors(*lane).contains(&to.lane))
     };
