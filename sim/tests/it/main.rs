@@ -46,15 +46,14 @@ fn help_says_what_can_be_typed() {
     --- stdout
     Drive scenes and write a run folder
 
-    Usage: sim run [OPTIONS]
+    Usage: sim run [OPTIONS] [PATH]...
 
     Options:
       -v, --verbose...  Say more on standard error; twice for everything
       -h, --help        Print help (see more with '--help')
 
     What to drive:
-          --scenarios <PATH>...        Scenes: WOMD TFRecord files, folders, globs, or a scene-set TOML
-                                       [default: the built-in demo set]
+          --scenarios <PATH>...        The same; takes all that follows up to the next option
           --driver <NAME>              Who drives [default: idm] [possible values: idm, human,
                                        constant-velocity, gn-ctrv, gn-oracle]
           --predictor <NAME>           Where predictions come from [default: what the driver wants]
@@ -71,13 +70,15 @@ fn help_says_what_can_be_typed() {
           --motion <MOTION>            How the AV follows its plan under `strict` [default: bicycle;
                                        playback for the driver `human`, and for it alone] [possible
                                        values: bicycle, playback]
+      [PATH]...                        Scenes: WOMD TFRecord files, folders, globs, or scene-set TOML
+                                       files [default: the built-in demo set]
 
     How to run:
           --out <DIR>                 The run's folder [default: runs/DRIVER-PROTOCOL-N]; an unfinished
                                       run in it is continued
-          --retry <WHICH>             Drive episodes of this run again: those that failed, those
-                                      whose recording is not whole, or failed,unrecorded [possible
-                                      values: failed, unrecorded]
+          --retry <WHICH>             Drive episodes of this run again: those that failed, those whose
+                                      recording is not whole, or failed,unrecorded [possible values:
+                                      failed, unrecorded]
           --record <RECORD>           Which episodes to keep a recording of [default: all] [possible
                                       values: all, failures, none]
           --parallel <N>              Episodes driven at a time; results do not depend on it [default:
@@ -103,9 +104,9 @@ fn help_says_what_can_be_typed() {
 
     Options:
           --format <FORMAT>  How to print [default: text] [possible values: text, markdown, csv]
+      -v, --verbose...       Say more on standard error; twice for everything
           --scenes           A row a scene, the worst first: how it ended, and what happened with whom
           --worst <N>        Only so many of the scenes
-      -v, --verbose...       Say more on standard error; twice for everything
       -h, --help             Print help (see more with '--help')
     --- stderr
     ");
@@ -130,7 +131,7 @@ fn what_makes_no_sense_is_refused_with_code_2_and_a_hint() {
     --- stderr
     error: the argument '--planner <WHICH>' cannot be used with '--planner-command <COMMAND>'
 
-    Usage: sim run --planner <WHICH>
+    Usage: sim run --planner <WHICH> [PATH]...
 
     For more information, try '--help'.
     ");
