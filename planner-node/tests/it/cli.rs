@@ -44,7 +44,7 @@ fn vectors_that_are_not_there() {
 #[test]
 fn a_recording_that_is_none() {
     let output = call(&["explain", env!("CARGO_BIN_EXE_planner-node"), "--step", "3"]);
-    assert!(output.starts_with("exit 2\nerror: ") && output.contains("is no readable recording"), "{output}");
+    assert!(output.starts_with("exit 2\nerror: ") && output.contains("no readable MCAP file"), "{output}");
 }
 
 #[test]
