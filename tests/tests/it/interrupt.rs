@@ -39,7 +39,10 @@ fn ctrl_c_at_any_moment_of_the_start_leaves_nothing_running() {
         let (code, said) = interrupted(&stage, Signal::SIGTERM, || sleep(Duration::from_millis(milliseconds)));
         // Before the handler stands, the signal itself ends the program; nothing is begun then.
         let not_begun = code.is_none() && !stage.path("run").exists();
-        assert!(code == Some(130) || not_begun, "after {milliseconds} ms: {code:?} {said}");
+        // A quick machine is done with these few scenes before it is interrupted.
+        let over = code == Some(0);
+        stage.wait_until_alone();
+        assert!(code == Some(130) || not_begun || over, "after {milliseconds} ms: {code:?} {said}");
     }
 }
 
@@ -51,7 +54,7 @@ fn ctrl_c_while_waiting_for_a_planner_that_never_comes_stops_at_once() {
     kill(Pid::from_raw(sim.id() as i32), Signal::SIGINT).unwrap();
     let output = sim.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130));
-    assert!(String::from_utf8_lossy(&output.stderr).contains("for your planner: --endpoint tcp/"));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("--endpoint tcp/"));
     stage.wait_until_alone();
 }
 
