@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use wire::hub::{Cast, EpisodeLine, Hub};
+use wire::hub::{Cast, EpisodeLine, Hub, LineError};
 use wire::keys::Worker;
 use wire::proto::{AgentState, EpisodeEnd, Event, StepRecord};
 use world::observation::{Briefing, Observation};
@@ -22,6 +22,8 @@ pub struct BusDriver {
     recorder: Option<Duration>,
     /// Whether the nodes know how it ended.
     dismissed: bool,
+    /// Whether the recorder did not say in time that it is done.
+    pub recorder_is_frozen: bool,
 }
 
 impl BusDriver {
@@ -39,7 +41,7 @@ impl BusDriver {
     ) -> Result<Self, String> {
         let line = hub.episode(worker, scene.id(), cast).map_err(|error| error.to_string())?;
         let recorder = cast.recorder.map(|_| closing);
-        Ok(Self { line, scene: Arc::clone(scene), deadline, recorder, dismissed: false })
+        Ok(Self { line, scene: Arc::clone(scene), deadline, recorder, dismissed: false, recorder_is_frozen: false })
     }
 }
 
@@ -84,7 +86,9 @@ impl Driver for BusDriver {
         let told = self.line.publish_end(end.clone());
         // Results are those of the drive, however its messages were written.
         *end = EpisodeEnd { digest: Vec::new(), ..told };
-        let recorded = self.recorder.map(|patience| self.line.await_recorded(patience));
-        recorded.unwrap_or(Ok(())).map_err(|error| error.to_string())
+        let Some(patience) = self.recorder else { return Ok(()) };
+        let recorded = self.line.await_recorded(patience);
+        self.recorder_is_frozen = matches!(recorded, Err(LineError::NoAnswer { .. }));
+        recorded.map_err(|error| error.to_string())
     }
 }

@@ -206,6 +206,7 @@ fn drive_pending(
         hub,
         external,
         recorder: Mutex::default(),
+        recorder_is_frozen: AtomicBool::new(false),
         cores,
         clock,
         console: console.clone(),

@@ -1,5 +1,6 @@
 //! The recorder's thread: starts it when told to, and says when it is gone, or hears nothing any more.
 
+use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
 use std::sync::{Arc, PoisonError};
 use std::time::Duration;
@@ -38,8 +39,8 @@ pub fn keep(shared: &Arc<Shared>, groups: &Groups, orders: &Receiver<()>, events
                 }
                 break;
             }
-            if !is_on_the_bus(shared) {
-                // Its connection was cut, for it took nothing: frozen, it would not leave by itself, and waiting for that costs again.
+            if shared.recorder_is_frozen.swap(false, Ordering::Relaxed) || !is_on_the_bus(shared) {
+                // It takes or says nothing: frozen, it would not leave by itself, and waiting for that costs again.
                 drop(process);
                 if events
                     .send(Event::RecorderLost("the recorder was frozen, or lost its connection".to_owned()))

@@ -31,7 +31,7 @@ use super::voice::Voice;
 use super::witness::Witness;
 
 /// What the recorder may take to close an episode's file, beyond the deadline of an answer.
-const CLOSING: Duration = Duration::from_secs(30);
+const CLOSING: Duration = Duration::from_secs(5);
 
 /// What the run asks of a worker.
 #[derive(Clone, Copy, Debug)]
@@ -56,6 +56,8 @@ pub struct Shared {
     pub external: Option<Arc<Seat>>,
     /// The place of the recorder that runs.
     pub recorder: Mutex<Option<Arc<Seat>>>,
+    /// Set by a worker that the recorder keeps waiting: it is replaced, so that this costs once.
+    pub recorder_is_frozen: AtomicBool,
     /// The cores, if each worker keeps to one of them with its nodes.
     pub cores: Option<Cores>,
     /// Since the program began.
@@ -314,6 +316,9 @@ impl Worker<'_> {
         };
         let mut driver = Witness { driver, nodes: &mut self.nodes };
         let Driven { outcome, recording, timing } = drive(episode, &mut driver, &shared.clock, &shared.stop)?;
+        if driver.driver.recorder_is_frozen {
+            shared.recorder_is_frozen.store(true, Ordering::Relaxed);
+        }
         let wanted = settings.record != Record::None;
         let recording_error = match recording {
             Err(error) => error,
