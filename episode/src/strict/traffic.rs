@@ -50,7 +50,7 @@ impl Traffic {
                     z: state.z,
                     velocity: state.velocity(),
                     speed,
-                    sudden: sudden[track][step],
+                    sudden: sudden[track].get(step).copied().unwrap_or_default(),
                 });
             }
             traffic.starts.push(traffic.agents.len());

@@ -95,8 +95,8 @@ impl Banded {
             let upper = self.rows[pivot];
             for below in 1..WIDTH.min(self.rows.len() - pivot) {
                 let factor = upper[below] / upper[0];
-                for column in below..WIDTH {
-                    self.rows[pivot + below][column - below] -= factor * upper[column];
+                for (entry, over) in self.rows[pivot + below].iter_mut().zip(&upper[below..]) {
+                    *entry -= factor * over;
                 }
                 self.right[pivot + below] -= factor * self.right[pivot];
             }
