@@ -268,8 +268,8 @@ fn open_bus(file: &RunFile, console: &Console) -> Result<(Hub, Option<Arc<Seat>>
         None => format!("{}={}", Secret::VARIABLE, seat.secret().reveal()),
     };
     console.line(&format!(
-        "waiting up to {patience} s for your planner: {environment} in its environment, and --endpoint {endpoint} --run {run} \
-         --worker '*'"
+        "waiting up to {patience} s for your planner: --endpoint {endpoint} --run {run} --worker '*', and {environment} in its \
+         environment"
     ));
     Ok((hub, Some(Arc::new(seat))))
 }

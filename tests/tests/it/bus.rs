@@ -2,7 +2,7 @@
 //! of it changes a result.
 
 use std::fs;
-use std::net::TcpListener;
+use std::net::{TcpListener, TcpStream};
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -44,9 +44,8 @@ fn planner_node(stage: &Stage, endpoint: &str, run: &str) -> Command {
 }
 
 /// The digests of a run that nobody disturbs.
-fn undisturbed(stage: &Stage) -> Vec<String> {
-    stage
-        .good_sim("run --scenarios small.toml --driver constant-velocity --record none --parallel 1 --out undisturbed");
+fn undisturbed(stage: &Stage, scenes: &str) -> Vec<String> {
+    stage.good_sim(&format!("run {scenes} --driver constant-velocity --record none --parallel 1 --out undisturbed"));
     column(stage, "undisturbed", "episode_sha256")
 }
 
@@ -73,7 +72,7 @@ fn the_second_of_two_planners_on_a_worker_is_refused_and_both_are_named() {
         );
         assert!(said.lines().any(|line| !line.contains("WARN") && line.contains(&refused)), "the node too: {said}");
     }
-    assert_eq!(column(&stage, "run", "episode_sha256"), undisturbed(&stage));
+    assert_eq!(column(&stage, "run", "episode_sha256"), undisturbed(&stage, "--scenarios small.toml"));
 }
 
 #[test]
@@ -97,7 +96,7 @@ fn a_stray_planner_is_refused_and_both_are_named() {
 #[test]
 fn what_a_stranger_puts_on_the_bus_changes_nothing_and_is_named() {
     let stage = Stage::new();
-    let expected = undisturbed(&stage);
+    let expected = undisturbed(&stage, "");
     let endpoint = endpoint();
     let (over, run) = (AtomicBool::new(false), "constant-velocity-strict");
     let name: RunName = run.parse().unwrap();
@@ -125,9 +124,7 @@ fn what_a_stranger_puts_on_the_bus_changes_nothing_and_is_named() {
                 std::thread::sleep(std::time::Duration::from_millis(5));
             }
         });
-        let arguments = format!(
-            "run --scenarios small.toml --driver constant-velocity --parallel 1 --out run --endpoint {endpoint}"
-        );
+        let arguments = format!("run --driver constant-velocity --parallel 1 --out run --endpoint {endpoint}");
         let ended = stage.sim(&arguments);
         over.store(true, Ordering::Relaxed);
         ended
@@ -172,14 +169,14 @@ fn an_answer_too_many_fails_its_episode_also_after_the_last_step() {
 fn who_speaks_in_the_simulators_name_to_a_planner_fails_its_episode() {
     let stage = Stage::new();
     let sim = by_hand(&stage, |episode, step, telling| match telling {
-        Telling::Observation if episode == 1 && step == 5 => vec![], // for `by_hand`: a second scene, by the planner itself
+        Telling::Observation if episode == 1 && step == 2 => vec![], // for `by_hand`: a second scene, by the planner itself
         Telling::Observation => vec![plan(episode, step)],
         Telling::End => vec![done(episode)],
         _ => vec![],
     });
     assert_eq!(sim.code, Some(1), "{sim:?}");
     let details = column(&stage, "run", "end_detail");
-    assert_eq!(details[0], "step 5: somebody else spoke to the planner in the simulator's name");
+    assert_eq!(details[0], "step 2: somebody else spoke to the planner in the simulator's name");
     assert!(
         sim.err.contains("somebody else speaks to planner by-hand (worker *) in the simulator's name (w0/told)"),
         "{sim:?}"
@@ -196,17 +193,12 @@ fn done(episode: u64) -> proto::Answer {
 }
 
 fn connect(endpoint: &str, over: &AtomicBool) -> Session {
-    // Zenoh's next try may come when a short run is over: it is asked once somebody listens.
-    let address = endpoint.trim_start_matches("tcp/");
-    while std::net::TcpStream::connect(address).is_err() && !over.load(Ordering::Relaxed) {
+    let address = endpoint.strip_prefix("tcp/").unwrap();
+    while TcpStream::connect(address).is_err() {
+        assert!(!over.load(Ordering::Relaxed), "the sim never listened");
         std::thread::sleep(std::time::Duration::from_millis(2));
     }
-    loop {
-        match session::open_client(endpoint) {
-            Ok(session) => return session,
-            Err(error) => assert!(!over.load(Ordering::Relaxed), "the sim is over: {error}"),
-        }
-    }
+    session::open_client(endpoint).unwrap()
 }
 
 /// A run whose external planner says what `reply` makes of episode, step and what was told. Where it makes nothing of an observation,

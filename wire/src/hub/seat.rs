@@ -64,7 +64,8 @@ impl Seat {
             seat._subscribers.push(subscriber.map_err(SessionError::bus("subscribe"))?);
         }
         if role == Role::Recorder {
-            shared.tape.tell_also(place.clone());
+            let seat = Arc::downgrade(&inner);
+            shared.tape.tell_also(place.clone(), move || seat.upgrade().iter().for_each(|seat| seat.cut_off()));
         }
         let watch = shared.session.liveliness().declare_subscriber(place.nodes()).history(true);
         let watch = watch.callback(move |sample| inner.see(&sample)).wait();
@@ -160,6 +161,21 @@ impl Inner {
         }
     }
 
+    /// The node takes nothing any more: it is as good as gone.
+    fn cut_off(&self) {
+        if let Some(node) = self.node() {
+            tracing::warn!("{node} takes nothing any more, and is cut off");
+            self.lose(&node);
+        }
+    }
+
+    fn lose(&self, node: &NodeId) {
+        if self.shared.nodes.left(self.number, node) {
+            tracing::debug!("{node} is gone");
+            lock(&self.inboxes).values().for_each(|inbox| inbox.node_lost());
+        }
+    }
+
     fn name(&self) -> String {
         self.node().map_or_else(|| format!("a {}", self.role), |node| node.to_string())
     }
@@ -171,11 +187,7 @@ impl Inner {
             return self.shared.noticed(&format!("a {} has a token that cannot be read", self.role));
         };
         if sample.kind() == SampleKind::Delete {
-            if self.shared.nodes.left(self.number, &node) {
-                tracing::debug!("{node} is gone");
-                lock(&self.inboxes).values().for_each(|inbox| inbox.node_lost());
-            }
-            return;
+            return self.lose(&node);
         }
         match self.shared.nodes.ask(self.number, &node) {
             Err(refusal) => self.shared.admit(&self.place, &node, Some(refusal)),

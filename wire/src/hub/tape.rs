@@ -24,10 +24,17 @@ const QUEUE_BYTES: usize = 64 * 1024 * 1024;
 pub(super) struct Tape {
     queue: Arc<Queue>,
     /// Where it is told: on the open floor and, last, at the recorder's seat.
-    places: Arc<Mutex<Vec<Place>>>,
+    places: Arc<Mutex<Vec<Listener>>>,
     /// A worker waits so long for room, then its message is left out; the counts at the episode's end tell.
     patience: Duration,
     thread: Option<JoinHandle<()>>,
+}
+
+/// Somebody to whom all is told.
+#[derive(Clone)]
+struct Listener {
+    place: Place,
+    cut_off: Arc<dyn Fn() + Send + Sync>,
 }
 
 #[derive(Default)]
@@ -47,14 +54,20 @@ struct State {
 impl Tape {
     pub(super) fn new(session: &Session, open_floor: Place, stall: Duration) -> Self {
         let queue = Arc::new(Queue::default());
-        let places = Arc::new(Mutex::new(vec![open_floor]));
+        let floor = Listener { place: open_floor, cut_off: Arc::new(|| {}) };
+        let places = Arc::new(Mutex::new(vec![floor]));
         let (session, far_end, to) = (session.clone(), Arc::clone(&queue), Arc::clone(&places));
         let thread = std::thread::spawn(move || {
             while let Some((address, payload)) = far_end.take() {
-                let keys: Vec<String> = lock(&to).iter().map(|place| place.tape(&address)).collect();
-                for key in keys {
-                    if let Err(e) = session::send(&session, &key, payload.clone()) {
+                let listeners = lock(&to).clone();
+                for Listener { place, cut_off } in listeners {
+                    let begin = Instant::now();
+                    if let Err(e) = session::send(&session, &place.tape(&address), payload.clone()) {
                         tracing::error!("{} of {} is not told: {e}", address.channel.name(), address.scene);
+                    }
+                    // The transport waited in vain, and closes the connection; that the node's token goes with it takes the node's help.
+                    if begin.elapsed() >= stall {
+                        cut_off();
                     }
                 }
             }
@@ -63,11 +76,12 @@ impl Tape {
         Self { queue, places, patience: 2 * stall, thread: Some(thread) }
     }
 
-    /// From now on all is told at `recorder` too, and no more at the seat of the recorder before it.
-    pub(super) fn tell_also(&self, recorder: Place) {
+    /// From now on all is told at `recorder` too, and no more at the seat of the recorder before it. `cut_off` is called when it takes
+    /// nothing for so long that its connection is given up.
+    pub(super) fn tell_also(&self, recorder: Place, cut_off: impl Fn() + Send + Sync + 'static) {
         let mut places = lock(&self.places);
         places.truncate(1);
-        places.push(recorder);
+        places.push(Listener { place: recorder, cut_off: Arc::new(cut_off) });
     }
 
     /// Puts messages at the end of the queue, together.
