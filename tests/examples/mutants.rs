@@ -3,6 +3,8 @@
 //! Short recordings are made of the first steps of those given, with a piece of their map and line, so that many a second are read. Each damaged one goes through `info`, `export` and what `explain`
 //! reads, in this process: a panic, or 5 s over one of them, ends it with the seed that shows it. Nothing is written to disk.
 
+#![allow(clippy::expect_used, clippy::print_stdout, clippy::unwrap_used, reason = "a trial that is started by hand")]
+
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
