@@ -9,7 +9,7 @@
 //!
 //! Below 0.2 m/s, with a plan below 0.2 m/s, it brakes in proportion (gain 0.5) and leaves the wheels alone.
 //!
-//! Wanted speed and curvatures are read from the plan's poses ([`profile`]), from the present moment on, as nuPlan reads them.
+//! Wanted speed and curvatures are read from the plan's poses (`profile`), from the present moment on, as nuPlan reads them.
 //! Plans here begin 0.1 s ahead: the path is carried back by that step to meet the present, and no actuator lag follows.
 
 mod profile;

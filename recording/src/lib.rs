@@ -18,7 +18,7 @@
 //! | [`damage`] | what can be wrong, and where |
 //! | [`records`] | MCAP's records, as bytes |
 //! | [`fields`] | numbers and texts of a record |
-//! | [`file`] | bytes from a file that may have no end |
+//! | [`file`](mod@file) | bytes from a file that may have no end |
 //!
 //! What the messages say is nobody's business here: that is `wire`'s.
 

@@ -102,15 +102,14 @@ mod tests {
 
     #[test]
     fn a_driveway_beyond_the_edge_is_road() {
-        let mut map = Map::default();
-        map.road_edges = vec![RoadEdge {
+        let road_edges = vec![RoadEdge {
             id: MapId(1),
             kind: RoadEdgeKind::Boundary,
             polyline: vec![Point3::new(-50.0, -4.0, 0.0), Point3::new(50.0, -4.0, 0.0)],
         }];
         let corner = |x: f64, y: f64| Point3::new(x, y, 0.0);
         let polygon = vec![corner(-4.0, -3.0), corner(4.0, -3.0), corner(4.0, -9.0), corner(-4.0, -9.0)];
-        map.driveways = vec![Area { id: MapId(2), polygon }];
+        let map = Map { road_edges, driveways: vec![Area { id: MapId(2), polygon }], ..Map::default() };
         let route = [Point3::new(-50.0, 0.0, 0.0), Point3::new(50.0, 0.0, 0.0)];
         let road = RoadEdges::of(&map, &Level::along(&route, 5.0));
         assert_eq!(outermost(road.beyond(&av(-6.0))), Some(-1.0));

@@ -184,7 +184,7 @@ mod tests {
         let wriggling = |id, sign: f64| {
             let point = |step: i32| {
                 let x = 20.0 - f64::from(step);
-                Point3::new(x, sign * 0.02 * (x * 1.7).sin(), 0.0)
+                Point3::new(x, sign * 0.02 * libm::sin(x * 1.7), 0.0)
             };
             Lane { centerline: (0..=40).map(point).collect(), ..lane(id, (20.0, 0.0), (-20.0, 0.0)) }
         };
@@ -229,7 +229,7 @@ mod tests {
         let fast = limit(lane(3, (20.0, 0.0), (60.0, 0.0)), 50.0);
         let slow = limit(lane(4, (20.0, 12.0), (60.0, 24.0)), 20.0);
         let lanes = lanes(&Map { lanes: vec![straight, turning, fast, slow], ..Map::default() });
-        let heading = 0.3_f64.atan();
+        let heading = libm::atan(0.3);
         let mut tracker = LaneTracker::default();
         let way = (0..30).map(|step| -19.0 + 2.0 * f64::from(step)).map(|x| av(x, 0.3 * (x + 20.0), heading));
         let online: Vec<f64> = way.map(|av| tracker.read(&lanes, &av, WHEELBASE).speed_limit).collect();
