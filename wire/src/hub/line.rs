@@ -1,12 +1,11 @@
 //! One episode on the bus, as the simulator sees it.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::time::{Duration, Instant};
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::Receiver;
+use std::time::Duration;
 
 use prost::Message as _;
-use thiserror::Error;
 use world::observation::{Briefing, Observation};
 use world::plan::{UncheckedPlan, UncheckedPrediction};
 use world::scene::SceneId;
@@ -14,6 +13,8 @@ use zenoh::Wait;
 use zenoh::bytes::ZBytes;
 use zenoh::pubsub::Publisher;
 
+use super::inbox::{Inbox, Incoming, Patience};
+use super::line_error::LineError;
 use super::seat::{Inner, Seat};
 use super::{Shared, lock};
 use crate::convert::{Message, MessageError, decode, shown};
@@ -23,115 +24,6 @@ use crate::keys::{Address, Channel, NodeId, Place, Role, Worker};
 use crate::proto;
 use crate::session::SessionError;
 use crate::waiting;
-
-/// Answers that may wait in a line's inbox. An honest node sends one and waits for the next observation.
-const INBOX: usize = 64;
-
-/// Why a step has no answer, or an episode no recording.
-#[derive(Debug, Error)]
-pub enum LineError {
-    /// It did not come in time.
-    #[error("the {role} gave no answer within {} s", deadline.as_secs_f64())]
-    NoAnswer {
-        /// Who was waited for.
-        role: Role,
-        /// How long.
-        deadline: Duration,
-    },
-    /// It died, left, or was never there.
-    #[error("the {role} is gone")]
-    NodeLost {
-        /// Who.
-        role: Role,
-    },
-    /// It says something that is no answer, or that it has none.
-    #[error("the {role}'s answer is refused: {error}")]
-    BadAnswer {
-        /// Who.
-        role: Role,
-        /// Why.
-        error: MessageError,
-    },
-    /// It says something that it was not asked for.
-    #[error("the {role} says more than it was asked for: {what}")]
-    Surplus {
-        /// Who.
-        role: Role,
-        /// What came.
-        what: String,
-    },
-    /// Answers come that nobody asked for.
-    #[error("more than {INBOX} answers wait: a node sends what it was not asked for")]
-    Flooded,
-    /// Somebody told the node something, and it was not the simulator.
-    #[error("somebody else spoke to the {role} in the simulator's name")]
-    Intruded {
-        /// To whom.
-        role: Role,
-    },
-    /// The recording lacks something.
-    #[error("the recording is not whole: {what} {sent} sent, {recorded} recorded")]
-    NotWhole {
-        /// Of what.
-        what: &'static str,
-        /// As many as were sent.
-        sent: u32,
-        /// As many as are in the recording.
-        recorded: u32,
-    },
-    /// The recording has as many messages as there were, but not those.
-    #[error("the recording does not hold what was told: its digest is another")]
-    OtherDigest,
-    /// The recorder could not write.
-    #[error("the recorder failed: {0}")]
-    NotRecorded(String),
-    /// The episode is already open.
-    #[error("worker {worker} has an episode on already; {scene} is another")]
-    Busy {
-        /// The episode.
-        scene: SceneId,
-        /// The worker.
-        worker: Worker,
-    },
-    /// The session failed.
-    #[error(transparent)]
-    Bus(#[from] SessionError),
-}
-
-/// What the transport's callbacks put down for a line, and what the line takes up.
-pub(super) struct Inbox {
-    sender: SyncSender<Incoming>,
-    /// The queue ran over.
-    flooded: AtomicBool,
-}
-
-enum Incoming {
-    Answer(Role, ZBytes),
-    /// Some node that may be this line's is gone: look.
-    NodeLost,
-    /// Somebody else spoke to the node of this role.
-    Intruded(Role),
-}
-
-impl Inbox {
-    pub(super) fn deliver(&self, role: Role, payload: &ZBytes) {
-        self.push(Incoming::Answer(role, payload.clone()));
-    }
-
-    pub(super) fn node_lost(&self) {
-        self.push(Incoming::NodeLost);
-    }
-
-    pub(super) fn intruded(&self, role: Role) {
-        self.push(Incoming::Intruded(role));
-    }
-
-    fn push(&self, incoming: Incoming) {
-        if self.sender.try_send(incoming).is_err() {
-            self.flooded.store(true, Ordering::Relaxed);
-        }
-    }
-}
 
 /// The nodes that an episode is driven with.
 #[derive(Clone, Copy)]
@@ -183,8 +75,7 @@ impl EpisodeLine {
         scene: &SceneId,
         cast: Cast<'_>,
     ) -> Result<Self, LineError> {
-        let (sender, incoming) = sync_channel(INBOX);
-        let inbox = Arc::new(Inbox { sender, flooded: AtomicBool::new(false) });
+        let (inbox, incoming) = Inbox::open();
         let mut line = Self {
             shared: Arc::clone(shared),
             worker: worker.clone(),
@@ -255,7 +146,7 @@ impl EpisodeLine {
             self.expect_nothing(incoming)?;
         }
         self.tell_nodes(Telling::Observation, observation)?;
-        let mut patience = Patience::new(&self.shared, deadline);
+        let mut patience = Patience::new(&self.shared.pulse, deadline);
         let (mut plan, mut prediction) = (None, None);
         while plan.is_none() || (self.expects_prediction && prediction.is_none()) {
             let missing = if self.expects_prediction && prediction.is_none() { Role::Predictor } else { Role::Planner };
@@ -284,7 +175,7 @@ impl EpisodeLine {
                     self.tell_node(Role::Planner, Telling::Prediction, &payload)?;
                     prediction = Some(UncheckedPrediction::try_from(message).map_err(LineError::bad(role))?);
                 }
-                Some((saying, _)) => return Err(surplus(role, saying)),
+                Some((saying, _)) => return Err(LineError::surplus(role, saying)),
             }
         }
         // Both are there, or one is and no other is expected.
@@ -314,7 +205,7 @@ impl EpisodeLine {
             Incoming::Answer(Role::Recorder, _) => Ok(()),
             Incoming::Answer(role, envelope) => match self.opened(role, &envelope.to_bytes())? {
                 None => Ok(()),
-                Some((saying, _)) => Err(surplus(role, saying)),
+                Some((saying, _)) => Err(LineError::surplus(role, saying)),
             },
         }
     }
@@ -332,7 +223,7 @@ impl EpisodeLine {
     /// [`LineError`] where one does not say so before the deadline, or says anything else.
     pub fn dismiss(&mut self, end: &proto::EpisodeEnd, deadline: Duration) -> Result<(), LineError> {
         self.tell_end(end)?;
-        let mut patience = Patience::new(&self.shared, deadline);
+        let mut patience = Patience::new(&self.shared.pulse, deadline);
         let mut waited_for: Vec<Role> = self.tellers().map(|(role, _)| role).collect();
         while let Some(role) = waited_for.first() {
             let (role, envelope) = match self.receive(&mut patience, *role)? {
@@ -345,7 +236,7 @@ impl EpisodeLine {
             match self.opened(role, &envelope.to_bytes())? {
                 None => {}
                 Some((Saying::Done, _)) if waited_for.contains(&role) => waited_for.retain(|other| *other != role),
-                Some((saying, _)) => return Err(surplus(role, saying)),
+                Some((saying, _)) => return Err(LineError::surplus(role, saying)),
             }
         }
         Ok(())
@@ -390,7 +281,7 @@ impl EpisodeLine {
     /// # Errors
     /// [`LineError`] where there is no recording, or not a whole one.
     pub fn await_recorded(&mut self, deadline: Duration) -> Result<(), LineError> {
-        let mut patience = Patience::new(&self.shared, deadline);
+        let mut patience = Patience::new(&self.shared.pulse, deadline);
         loop {
             let recorder = self.cast.iter().find(|member| member.seat.role == Role::Recorder);
             if !recorder.is_some_and(Member::is_there) {
@@ -435,7 +326,7 @@ impl EpisodeLine {
     }
 
     fn receive(&self, patience: &mut Patience<'_>, role: Role) -> Result<Incoming, LineError> {
-        if self.inbox.flooded.load(Ordering::Relaxed) {
+        if self.inbox.is_flooded() {
             return Err(LineError::Flooded);
         }
         loop {
@@ -488,42 +379,6 @@ impl Drop for EpisodeLine {
         self.cast.iter().for_each(|member| member.seat.listen_no_more(&self.worker));
         lock(&self.shared.documents).remove(&self.document());
     }
-}
-
-/// Until when something is waited for. A time in which this process stood still does not count: nobody could be heard.
-struct Patience<'a> {
-    shared: &'a Shared,
-    deadline: Duration,
-    until: Instant,
-    pauses: u64,
-}
-
-impl<'a> Patience<'a> {
-    fn new(shared: &'a Shared, deadline: Duration) -> Self {
-        Self { shared, deadline, until: Instant::now() + deadline, pauses: shared.pulse.pauses() }
-    }
-
-    /// Whether there is a reason to wait once more, from now on.
-    fn renewed(&mut self) -> bool {
-        let pauses = std::mem::replace(&mut self.pauses, self.shared.pulse.pauses());
-        self.until = Instant::now() + self.deadline;
-        self.pauses != pauses
-    }
-}
-
-impl LineError {
-    fn bad(role: Role) -> impl FnOnce(MessageError) -> Self {
-        move |error| Self::BadAnswer { role, error }
-    }
-}
-
-fn surplus(role: Role, saying: Saying) -> LineError {
-    let what = match saying {
-        Saying::Plan => "one plan too many",
-        Saying::Prediction => "one prediction too many",
-        Saying::Done => "that it is done, before the end",
-    };
-    LineError::Surplus { role, what: what.to_owned() }
 }
 
 fn taken<P: Message>(role: Role, bytes: &[u8]) -> Result<P, LineError> {

@@ -5,13 +5,16 @@
 //! | `mod.rs` | the hub: opening, run settings, queries, what strangers say |
 //! | `nodes.rs` | who sits where, who is refused, the start barrier |
 //! | `seat.rs` | what is said at a seat |
-//! | `line.rs` | one episode: send an observation, wait for its answers |
+//! | `line.rs`, `line_error.rs` | one episode: send an observation, wait for its answers; why there is none |
+//! | `inbox.rs` | what arrives for a line, and how long it is waited for |
 //! | `tape.rs` | all that happens, for the recorder |
 //!
 //! Nothing here waits without a limit. A process that reads nothing is cut off after a deadline at most, see
 //! [`crate::session::open_router`]; callbacks of the transport never block, an inbox that runs over is an error of its line.
 
+mod inbox;
 mod line;
+mod line_error;
 mod nodes;
 mod seat;
 mod tape;
@@ -33,7 +36,8 @@ use zenoh::query::{Query, Queryable};
 use zenoh::sample::{Locality, Sample, SampleKind};
 use zenoh::{Session, Wait};
 
-pub use line::{Cast, EpisodeLine, LineError};
+pub use line::{Cast, EpisodeLine};
+pub use line_error::LineError;
 pub use nodes::{BarrierError, NodeEvent};
 pub use seat::Seat;
 

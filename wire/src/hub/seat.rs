@@ -10,7 +10,7 @@ use zenoh::bytes::ZBytes;
 use zenoh::pubsub::{Publisher, Subscriber};
 use zenoh::sample::{Locality, Sample, SampleKind};
 
-use super::line::Inbox;
+use super::inbox::Inbox;
 use super::nodes::SeatNumber;
 use super::{Shared, lock};
 use crate::keys::{Answering, NodeId, Place, Role, Secret, Worker, Workers};
