@@ -1,9 +1,12 @@
 #!/usr/bin/env bash
+# version: @mcap/core 2.2.2 (npm), Node.js as installed
 # @mcap/core 2.2.2 (JavaScript): a file that its writer makes without chunks has a metadata index that its own reader refuses.
 # Expected: the metadata. Seen: the index points at the first schema record; readMetadata raises.
 # What we do: our recordings are chunked, and written by the Rust crate.
 set -euo pipefail
-work=$(mktemp -d) && trap 'rm -rf "$work"' EXIT && cd "$work"
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work"
 npm init --yes > /dev/null
 npm install --silent --no-fund --no-audit @mcap/core@2.2.2
 cat > run.mjs <<'JS'

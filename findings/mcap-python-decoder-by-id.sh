@@ -1,10 +1,13 @@
 #!/usr/bin/env bash
+# version: mcap-protobuf-support 0.6.0, mcap 1.6.0, protobuf 7.36.2 (PyPI)
 # mcap-protobuf-support 0.6.0 (Python): a DecoderFactory that is kept for several files decodes by schema id alone.
 # Expected: each file's messages by that file's schema. Seen: the second file's messages come out under the first file's type,
 # without an error, with the values in whatever field has the same number.
 # What we do: our schema ids are the same in every file and stay so (docs/recordings.md), so a shared factory is right with ours.
 set -euo pipefail
-work=$(mktemp -d) && trap 'rm -rf "$work"' EXIT && cd "$work"
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work"
 python3 -m venv venv
 venv/bin/pip install --quiet mcap==1.6.0 mcap-protobuf-support==0.6.0 protobuf==7.36.2
 venv/bin/python - > seen <<'PY'

@@ -1,9 +1,12 @@
 #!/usr/bin/env bash
+# version: mcap 1.6.0 (PyPI)
 # mcap 1.6.0 (Python): iter_messages(reverse=True) goes forwards through a file without chunks, and says nothing.
 # Expected: the last message first, or an error. Seen: the first first.
 # What we do: our recordings are chunked.
 set -euo pipefail
-work=$(mktemp -d) && trap 'rm -rf "$work"' EXIT && cd "$work"
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work"
 python3 -m venv venv
 venv/bin/pip install --quiet mcap==1.6.0
 venv/bin/python - > seen <<'PY'

@@ -1,9 +1,12 @@
 #!/usr/bin/env bash
+# version: pyarrow 26.0.1, duckdb 2.0.1 (PyPI)
 # pyarrow 26.0.1 and DuckDB 2.0.1: a NaN in a Parquet file is not found by a filter on the file that finds it in memory.
 # Expected: the same rows from file and memory. Seen: column statistics leave NaN out, so the row group is skipped.
 # What we do: no NaN is ever written to results, steps or timing; what is not known is null.
 set -euo pipefail
-work=$(mktemp -d) && trap 'rm -rf "$work"' EXIT && cd "$work"
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work"
 python3 -m venv venv
 venv/bin/pip install --quiet pyarrow==26.0.1 duckdb==2.0.1
 venv/bin/python - > seen <<'PY'

@@ -1,10 +1,13 @@
 #!/usr/bin/env bash
+# version: prost 0.14.4 (crates.io), protobuf 7.36.2 (PyPI)
 # prost 0.14.4 (Rust) writes nothing for a double of -0.0; protobuf 7.36.2 (Python) writes it. Both are "proto3".
 # Expected: one number, one encoding. Seen: 0 bytes and 9, so a sign is lost by one writer and kept by the other: two nodes that
 # compute the same plan in two languages differ in a bit.
 # What we do: numbers that arrive have their zeros made positive at the door.
 set -euo pipefail
-work=$(mktemp -d) && trap 'rm -rf "$work"' EXIT && cd "$work"
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work"
 python3 -m venv venv
 venv/bin/pip install --quiet protobuf==7.36.2
 cargo init --quiet --vcs none --name zero .

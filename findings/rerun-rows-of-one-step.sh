@@ -1,9 +1,12 @@
 #!/usr/bin/env bash
+# version: rerun-sdk 0.36.3 (PyPI)
 # rerun-sdk 0.36.3: of two lines that are logged at one step, a dataframe by step has the second alone.
 # Expected: a row for each. Seen: one row, and the first line is nowhere.
 # What we do: docs/recordings.md says to count events in the MCAP file or in the results.
 set -euo pipefail
-work=$(mktemp -d) && trap 'rm -rf "$work"' EXIT && cd "$work"
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work"
 python3 -m venv venv
 venv/bin/pip install --quiet 'rerun-sdk[datafusion]==0.36.3'
 venv/bin/python - > seen <<'PY'

@@ -1,9 +1,12 @@
 #!/usr/bin/env bash
+# version: safetensors 0.8.0, numpy 2.4.6 (PyPI)
 # safetensors 0.8.0 for numpy writes a transposed or strided array with wrong values, and says nothing.
 # Expected: the array's values, or an error. Seen: the buffer in memory order under the view's shape. 0.7.0 was right.
 # What we do: nothing of ours writes by it; `np.ascontiguousarray` before saving is the cure.
 set -euo pipefail
-work=$(mktemp -d) && trap 'rm -rf "$work"' EXIT && cd "$work"
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work"
 python3 -m venv venv
 venv/bin/pip install --quiet safetensors==0.8.0 numpy==2.4.6
 venv/bin/python - > seen <<'PY'

@@ -1,10 +1,13 @@
 #!/usr/bin/env bash
+# version: eclipse-zenoh 1.10.2 (PyPI)
 # eclipse-zenoh 1.10.2 (Python): two callback subscribers of one session do not keep the order of what one peer put on two keys.
 # Expected: a scene's callback before that of the observation put after it. Seen: in hundreds of 1,000 pairs the other way round,
 # because each callback has a thread of its own unless it is wrapped in Callback(f, indirect=False).
 # What we do: docs/bus.md says which order holds, and for whom.
 set -euo pipefail
-work=$(mktemp -d) && trap 'rm -rf "$work"' EXIT && cd "$work"
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work"
 python3 -m venv venv
 venv/bin/pip install --quiet eclipse-zenoh==1.10.2
 venv/bin/python - <<'PY'
