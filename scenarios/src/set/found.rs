@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use world::scene::SceneId;
 
-use super::SceneEntry;
+use super::entry::SceneEntry;
 use crate::error::{RecordError, SetError};
 use crate::source::Source;
 

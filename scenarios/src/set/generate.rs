@@ -4,8 +4,9 @@ use std::path::Path;
 
 use world::scene::SceneId;
 
+use super::entry::SceneEntry;
 use super::file::Generate;
-use super::{SceneEntry, scan};
+use super::scan;
 use crate::error::SetError;
 use crate::generated::{FAMILIES, Family};
 use crate::source::Source;

@@ -1,5 +1,6 @@
 //! Scene sets: where the scenes of a run come from, in a fixed order, each loaded when it is needed.
 
+mod entry;
 mod file;
 mod found;
 mod generate;
@@ -8,26 +9,15 @@ mod scan;
 
 use std::sync::Arc;
 
-use world::scene::{Finding, Scene, SceneId};
+use world::scene::{Finding, Scene};
 
 use self::found::Found;
 use crate::error::{RecordError, SetError};
-use crate::source::Source;
-use crate::womd::{self, WomdError};
+use crate::womd;
 
+pub use entry::SceneEntry;
 pub use file::{SetFile, TomlProblem};
 pub use found::Note;
-
-/// A scene of a set, not yet loaded.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SceneEntry {
-    /// Its name, unique in the set.
-    pub id: SceneId,
-    /// SHA-256 of the record's payload, in hex: which scene it was, whatever its file is called.
-    pub sha256: String,
-    /// Where it lies.
-    pub source: Source,
-}
 
 /// An ordered set of scenes with unique ids. Holds no scene; loads them from many threads.
 #[derive(Clone, Debug)]
@@ -104,18 +94,5 @@ impl SceneSet {
         let scenes = self.entries.len();
         let entry = self.entries.get(index).ok_or(SetError::Index { index, scenes })?;
         entry.read(|payload| Ok(payload.to_vec()))
-    }
-}
-
-impl SceneEntry {
-    fn read<T>(&self, take: impl FnOnce(&[u8]) -> Result<T, WomdError>) -> Result<T, SetError> {
-        match &self.source {
-            Source::File(place) => Ok(scan::read(place, take)?),
-            Source::Generated { family, seed, index } => family
-                .payload(self.id.as_str(), *seed, *index)
-                .map_err(WomdError::from)
-                .and_then(|payload| take(&payload))
-                .map_err(|problem| SetError::Generated { id: self.id.to_string(), problem }),
-        }
     }
 }

@@ -7,13 +7,13 @@ use std::sync::Arc;
 
 use sha2::{Digest, Sha256};
 
-use super::SceneEntry;
+use super::entry::SceneEntry;
 use super::found::Found;
 use crate::content::Content;
 use crate::error::{RecordError, RecordProblem, SetError};
 use crate::source::{Place, Source};
-use crate::tfrecord::{HEADER_BYTES, Packing, Records, Restart, StreamError, Unpack, looks_like_tfrecord};
-use crate::womd::{self, WomdError};
+use crate::tfrecord::{HEADER_BYTES, Packing, Records, Restart, Unpack, looks_like_tfrecord};
+use crate::womd;
 
 /// A packed file can be entered about every so many unpacked bytes: 4 MiB, some 10 ms of unpacking.
 const RESTART_BYTES: u64 = 4 << 20;
@@ -84,34 +84,6 @@ fn scan_records<R: Read>(
             Err(problem) => found.bad.push(RecordError::at(&place, RecordProblem::Womd(problem))),
         }
     }
-}
-
-/// Gives `take` the payload at `place`, and answers what it makes of it.
-pub(super) fn read<T>(place: &Place, take: impl FnOnce(&[u8]) -> Result<T, WomdError>) -> Result<T, RecordError> {
-    let read = |source: &mut dyn Read| {
-        let mut records = Records::starting_at(source, place.record, place.offset);
-        match records.next_record() {
-            Ok(Some(found)) if found.checksum == place.checksum => take(found.payload).map_err(RecordProblem::Womd),
-            // It was sound when the set was opened.
-            Ok(_) | Err(StreamError::Frame(_)) => Err(RecordProblem::Changed),
-            Err(StreamError::Io { source, .. }) => Err(RecordProblem::io(source)),
-        }
-    };
-    let open = |byte| -> io::Result<File> {
-        let mut file = File::open(&place.path)?;
-        file.seek(SeekFrom::Start(byte))?;
-        Ok(file)
-    };
-    let read = || match &place.packed {
-        None => read(&mut BufReader::new(open(place.offset).map_err(RecordProblem::Io)?)),
-        Some(restart) => {
-            let mut unpack = Unpack::from(open(restart.byte()).map_err(RecordProblem::Io)?, restart);
-            let before = place.offset - restart.unpacked();
-            io::copy(&mut unpack.by_ref().take(before), &mut io::sink()).map_err(RecordProblem::io)?;
-            read(&mut unpack)
-        }
-    };
-    read().map_err(|problem| RecordError::at(place, problem))
 }
 
 /// SHA-256 of `bytes` in hex.

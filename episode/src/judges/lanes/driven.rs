@@ -5,9 +5,12 @@
 //! the drive's end, [`DrivenLanes::settle`] reads once more with that in mind.
 
 use world::geometry::Point;
+use world::plan::STEP_SECONDS;
 
-use super::SECOND;
 use super::strip::{Held, Lanes};
+
+/// Samples of a second, both ends included.
+const SECOND: usize = 1 + (1.0 / STEP_SECONDS) as usize;
 
 /// So far (m) from its connectors the AV still follows them while nothing but other connectors hold its centre.
 const CUTTING: f64 = 5.0;

@@ -14,8 +14,6 @@ mod corners;
 mod driven;
 mod strip;
 
-use world::plan::STEP_SECONDS;
-
 use self::corners::{Corners, in_one_lane};
 use self::driven::DrivenLanes;
 use super::Body;
@@ -25,9 +23,6 @@ pub use self::strip::{Lanes, Strip};
 
 /// Metres driven against a lane within a second from which on the AV drives the wrong way (nuPlan's compliance threshold).
 pub const WRONG_WAY: f64 = 2.0;
-
-/// Samples of that second, both ends included.
-const SECOND: usize = 1 + (1.0 / STEP_SECONDS) as usize;
 
 /// What the lanes say of the AV at one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
