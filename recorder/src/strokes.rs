@@ -74,6 +74,7 @@ pub fn end_sentence(end: &proto::EpisodeEnd) -> String {
     if end.detail.is_empty() {
         format!("{reason} after {steps} steps")
     } else {
-        format!("{reason} after {steps} steps: {}", end.detail)
+        // It says when and where by itself.
+        format!("{reason}: {}", end.detail)
     }
 }

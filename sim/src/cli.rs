@@ -42,7 +42,7 @@ pub struct RunArgs {
     #[arg(value_name = "PATH", help_heading = "What to drive")]
     pub paths: Vec<String>,
 
-    /// The same; takes all that follows up to the next option
+    /// Scenes, as PATH is; takes all that follows up to the next option
     #[arg(long, value_name = "PATH", num_args = 1.., conflicts_with = "paths", help_heading = "What to drive")]
     pub scenarios: Vec<String>,
 
@@ -55,11 +55,11 @@ pub struct RunArgs {
     #[arg(long, value_name = "NAME", help_heading = "What to drive")]
     pub predictor: Option<Predictor>,
 
-    /// A planner of your own: a shell command; the arguments of a node are appended to it
+    /// A planner of your own: a shell command, told where to connect by RELOOP_* variables and by arguments
     #[arg(long, value_name = "COMMAND", conflicts_with = "planner", help_heading = "What to drive")]
     pub planner_command: Option<String>,
 
-    /// A planner that you start yourself, with --worker '*' and the endpoint and run that the sim prints
+    /// A planner that you start yourself, with --worker '*' and the endpoint, run and secret that the sim prints
     #[arg(long, value_name = "WHICH", help_heading = "What to drive")]
     pub planner: Option<Planner>,
 

@@ -53,15 +53,16 @@ fn help_says_what_can_be_typed() {
       -h, --help        Print help (see more with '--help')
 
     What to drive:
-          --scenarios <PATH>...        The same; takes all that follows up to the next option
+          --scenarios <PATH>...        Scenes, as PATH is; takes all that follows up to the next option
           --driver <NAME>              Who drives [default: idm] [possible values: idm, human,
                                        constant-velocity, gn-ctrv, gn-oracle]
           --predictor <NAME>           Where predictions come from [default: what the driver wants]
                                        [possible values: none, ctrv, oracle]
-          --planner-command <COMMAND>  A planner of your own: a shell command; the arguments of a node
-                                       are appended to it
+          --planner-command <COMMAND>  A planner of your own: a shell command, told where to connect by
+                                       RELOOP_* variables and by arguments
           --planner <WHICH>            A planner that you start yourself, with --worker '*' and the
-                                       endpoint and run that the sim prints [possible values: external]
+                                       endpoint, run and secret that the sim prints [possible values:
+                                       external]
           --label <NAME>               What tables call the driver [default: its name]
           --protocol <PROTOCOL>        The rules of an episode [default: strict] [possible values:
                                        strict, paper]
