@@ -57,11 +57,13 @@ class Tally:
     """Comparisons, and those that fail."""
 
     def __init__(self, verbose):
-        self.verbose, self.counts, self.failed = verbose, collections.Counter(), collections.Counter()
+        self.verbose = verbose
+        self.counts, self.failed, self.unjudged = (collections.Counter() for _ in range(3))
 
     def compare(self, what, term, ours, theirs, tolerance=1e-6):
         same = ours == theirs if None in (ours, theirs) else abs(ours - theirs) <= tolerance
         self.counts[term] += 1
+        self.unjudged[term] += ours is None
         self.failed[term] += not same
         if not same or self.verbose:
             difference = "" if None in (ours, theirs) else f"{ours - theirs:+.6f}"
@@ -69,7 +71,8 @@ class Tally:
 
     def end(self):
         for term, count in self.counts.items():
-            print(f"{term:24} {count - self.failed[term]:6} of {count} agree")
+            unjudged = f", {self.unjudged[term]} of them without a value" if self.unjudged[term] else ""
+            print(f"{term:24} {count - self.failed[term]:6} of {count} agree{unjudged}")
         sys.exit(1 if sum(self.failed.values()) else 0)
 
 
@@ -89,7 +92,9 @@ def check_run(folder, worlds, tally, nuplan):
     for result in results:
         if result["failed"] or result["scene"] not in worlds or not steps[result["scene"]]:
             continue
-        theirs = nuplan.score(worlds[result["scene"]], result, steps[result["scene"]])
+        # What our judges cannot tell from the scene is null, and nuPlan's aggregator leaves what it has not out as well.
+        unjudged = {term for term, column in COLUMNS.items() if result[column] is None} - {"score"}
+        theirs = nuplan.score(worlds[result["scene"]], result, steps[result["scene"]], unjudged)
         for term, column in COLUMNS.items():
             what = f"{result['scene']} {result['driver']}"
             tally.compare(what, term, result[column], theirs[term], TOLERANCES.get(term, 1e-6))

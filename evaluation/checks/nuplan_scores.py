@@ -89,8 +89,8 @@ def history(world, egos, observations):
     return SimulationHistory(world, None, samples)
 
 
-def score(seen, result, rows):
-    """nuPlan's terms of a drive of ours, and its score."""
+def score(seen, result, rows, unjudged):
+    """nuPlan's terms of a drive of ours but for the unjudged ones, and its score over them."""
     world = World(seen)
     egos = drive(seen, result, rows)
     whole = history(world, egos, [[]] + traffic(seen, egos[1:], rows))
@@ -134,10 +134,11 @@ def score(seen, result, rows):
     making = ego_is_making_progress.EgoIsMakingProgressStatistics("MP", "", progress, 0.2)
     terms["MP"] = measure(making, driven)
     terms["C"] = comfort(driven, scenario) if len(rows) >= 4 else None
+    terms |= dict.fromkeys(unjudged)
     terms["score"] = composite(terms)
     if result["off_route"]:
         terms["score"] = 0.0
-    elif terms["C"] is None:
+    elif len(rows) < 4:
         terms["score"] = 0.0 if terms["score"] == 0 else None
     return terms
 
@@ -217,7 +218,7 @@ def composite(terms):
     }
     factors = re.findall(r"^    - (\w+)", text, re.M)
     aggregator = WeightedAverageMetricAggregator("", weights, "", pathlib.Path(tempfile.gettempdir()), factors)
-    columns = {"scenario": {names[term]: 1.0 if value is None else value for term, value in terms.items()}}
+    columns = {"scenario": {names[term]: value for term, value in terms.items()}}
     aggregator._compute_scenario_score(columns)
     return columns["scenario"]["score"]
 
