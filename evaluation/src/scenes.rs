@@ -28,6 +28,20 @@ struct Row {
     failed: bool,
     end: String,
     what: String,
+    /// What is odd about the scene: codes of `scenarios lint`.
+    findings: String,
+    /// What cannot be judged in it.
+    unjudged: String,
+}
+
+impl Row {
+    /// What happened, and what is to be known of the scene, in one text.
+    fn story(&self) -> String {
+        let notes = [("scene", &self.findings), ("not judged", &self.unjudged)];
+        let notes = notes.iter().filter(|(_, text)| !text.is_empty()).map(|(name, text)| format!("[{name}: {text}]"));
+        let what = Some(self.what.clone()).filter(|what| !what.is_empty());
+        what.into_iter().chain(notes).collect::<Vec<_>>().join(" ")
+    }
 }
 
 /// How bad an end is; the worst is the least.
@@ -56,11 +70,14 @@ impl Scenes {
         let scores = results.numbers()?.remove("nuplan_score").unwrap_or_default();
         let (failed, ends) = (results.flags("failed")?, results.text("end_reason")?);
         let details = results.text("end_detail")?;
+        let (findings, unjudged) = (results.text("findings")?, results.text("unjudged")?);
         let rows = results.text("scene")?.into_iter().enumerate().map(|(row, scene)| Row {
             score: scores.get(row).copied().flatten().filter(|_| !failed[row]),
             failed: failed[row],
             end: ends[row].clone(),
             what: what(&details[row], &events.remove(&scene).unwrap_or_default()),
+            findings: findings[row].clone(),
+            unjudged: unjudged[row].clone(),
             scene,
         });
         let mut rows: Vec<Row> = rows.collect();
@@ -136,20 +153,23 @@ fn grid(rows: &[Row]) -> Grid {
     grid.set_header(head.into_iter().flatten());
     for row in rows {
         let number = row.score.map_or_else(|| "-".to_owned(), |score| format!("{score:.3}"));
-        let cells = [Some(Cell::new(&row.scene)), score(number), Some(Cell::new(&row.end)), Some(Cell::new(&row.what))];
+        let cells =
+            [Some(Cell::new(&row.scene)), score(number), Some(Cell::new(&row.end)), Some(Cell::new(row.story()))];
         grid.add_row(cells.into_iter().flatten());
     }
     grid
 }
 
 fn csv(runs: &[(Summary, Scenes)]) -> String {
-    let mut lines = String::from("run,driver,scene,score,failed,end,what\n");
+    let mut lines = String::from("run,driver,scene,score,failed,end,what,findings,unjudged\n");
     for (run, scenes) in runs {
         let folder = quoted(&run.folder.to_string_lossy());
         for row in &scenes.rows {
             let score = row.score.map(|score| score.to_string()).unwrap_or_default();
-            let (scene, what) = (quoted(&row.scene), quoted(&row.what));
-            lines += &format!("{folder},{},{scene},{score},{},{},{what}\n", run.driver, row.failed, row.end);
+            let [scene, what, findings, unjudged] =
+                [&row.scene, &row.what, &row.findings, &row.unjudged].map(|text| quoted(text));
+            let (driver, failed, end) = (&run.driver, row.failed, &row.end);
+            lines += &format!("{folder},{driver},{scene},{score},{failed},{end},{what},{findings},{unjudged}\n");
         }
     }
     lines
@@ -162,7 +182,9 @@ mod tests {
 
     fn row(scene: &str, score: Option<f64>, end: &str, what: &str) -> Row {
         let failed = end == "driver-failed";
-        Row { scene: scene.to_owned(), score, failed, end: end.to_owned(), what: what.to_owned() }
+        let [findings, unjudged] = if scene == "fair" { ["no-speed-limits", "speeding"] } else { [""; 2] };
+        let [scene, end, what] = [scene, end, what].map(str::to_owned);
+        Row { scene, score, failed, end, what, findings: findings.to_owned(), unjudged: unjudged.to_owned() }
     }
 
     fn scenes() -> Scenes {
@@ -188,10 +210,22 @@ mod tests {
         let runs = [(run("idm", "bicycle", "runs/idm-strict-1"), scenes())];
         let text = render(&runs, TableFormat::Text, 80);
         assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
-        assert!(
-            text.starts_with("driver idm, protocol strict, motion bicycle, 8 scenes, worst first\n\nscene "),
-            "{text}"
-        );
+        insta::assert_snapshot!(text, @"
+        driver idm, protocol strict, motion bicycle, 8 scenes, worst first
+
+        scene  score end           what happened
+        ────────────────────────────────────────────────────────────────────────────────
+        failed     - driver-failed step 12: the planner is gone: planner w0 exited with
+                                   code 3
+        struck 0.000 collision     step 60: the AV's front struck vehicle 12 at 3.0
+                                   m/s, at fault; step 41: 9.0 m/s where 8.0 m/s are
+                                   allowed
+        red    0.000 horizon       all 150 steps were driven; step 9: crossed the stop
+                                   point of lane 4 at red
+        fair   0.750 log-end       the log ends after 71 of 150 steps [scene:
+                                   no-speed-limits] [not judged: speeding]
+        good   1.000 horizon       all 150 steps were driven
+        ");
         let order = |text: &str| {
             let first = |line: &str| line.split([' ', ',']).next().unwrap_or_default().to_owned();
             let scenes = text.lines().map(first).filter(|word| runs[0].1.rows.iter().any(|row| row.scene == *word));
@@ -200,7 +234,7 @@ mod tests {
         assert_eq!(order(&text), ["failed", "struck", "red", "fair", "good"]);
         let csv = render(&runs, TableFormat::Csv, 80);
         assert!(
-            csv.contains("\nruns/idm-strict-1,idm,fair,0.75,false,log-end,the log ends after 71 of 150 steps\n"),
+            csv.contains("\nruns/idm-strict-1,idm,fair,0.75,false,log-end,the log ends after 71 of 150 steps,no-speed-limits,speeding\n"),
             "{csv}"
         );
     }

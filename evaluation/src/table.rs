@@ -192,6 +192,14 @@ fn notes(runs: &[&Summary], bullet: &str) -> String {
     if values.any(|value| value.ends_with(FEWER)) {
         lines += &format!("{bullet}{FEWER} over those of the episodes that have a value\n");
     }
+    // Runs over the same scenes have the same oddities, which are told once.
+    let alike = runs.windows(2).all(|pair| pair[0].oddities() == pair[1].oddities());
+    for run in runs.iter().take(if alike { 1 } else { runs.len() }) {
+        let of = if alike { String::new() } else { format!("{}: ", label(run, runs)) };
+        if let Some(oddities) = run.oddities() {
+            lines += &format!("{bullet}{of}{oddities} (see --scenes)\n");
+        }
+    }
     for run in runs {
         let of = if runs.len() > 1 { format!("{}: ", label(run, runs)) } else { String::new() };
         for failure in &run.failures {
@@ -255,6 +263,8 @@ pub(crate) mod tests {
             motion: motion.to_owned(),
             scenes: (0..8).map(|scene| (format!("s{scene}"), String::new())).collect(),
             failures: Vec::new(),
+            warned: 0,
+            unjudged: 0,
             broken_recordings: Vec::new(),
             means: means.collect(),
         }
@@ -268,6 +278,7 @@ pub(crate) mod tests {
             detail: "the planner did not answer step 12 within 5 s".to_owned(),
         });
         run.broken_recordings.push(("s4".to_owned(), "the recorder is gone".to_owned()));
+        (run.warned, run.unjudged) = (2, 1);
         run.means.insert("position_error_10s_m".to_owned(), None);
         run.means.insert("position_error_5s_m".to_owned(), Some((1.5, 6)));
         run
@@ -285,6 +296,7 @@ pub(crate) mod tests {
         idm        7      1   12.5  12.5  12.5 12.5  12.5  16.7 14.286 12.500 11.111 10.00 1.50*     -  7.692
 
         * over those of the episodes that have a value
+        2 of 8 scenes have warnings, 1 cannot be judged in full (see --scenes)
         s3 failed (driver-failed): the planner did not answer step 12 within 5 s
         s4 is not recorded whole: the recorder is gone
         ");
@@ -294,7 +306,28 @@ pub(crate) mod tests {
     fn a_table_that_is_too_wide_is_folded() {
         let runs = [run("constant-velocity", "bicycle", "runs/x"), failing()];
         let folded = render(&runs, TableFormat::Text, 80);
-        assert_eq!(folded.matches("constant-velocity").count(), 2, "{folded}");
+        insta::assert_snapshot!(folded, @"
+        protocol strict, motion bicycle, 8 scenes
+
+        driver             epi-        colli-    at   off  off   red  pro-   acc.
+                          sodes failed   sion fault route road light gress
+                                            %     %     %    %     %     m   m/s²
+        ──────────────────────────────────────────────────────────────────────────
+        constant-velocity     8      0   12.5  12.5  12.5 12.5  12.5  16.7 14.286
+        idm                   7      1   12.5  12.5  12.5 12.5  12.5  16.7 14.286
+
+        driver              jerk   lat. error error error nuPlan
+                                   acc.  @3 s  @5 s @10 s  score
+                            m/s³   m/s²     m     m     m
+        ─────────────────────────────────────────────────────────
+        constant-velocity 12.500 11.111 10.00  9.09  8.33  7.692
+        idm               12.500 11.111 10.00 1.50*     -  7.692
+
+        * over those of the episodes that have a value
+        idm: 2 of 8 scenes have warnings, 1 cannot be judged in full (see --scenes)
+        idm: s3 failed (driver-failed): the planner did not answer step 12 within 5 s
+        idm: s4 is not recorded whole: the recorder is gone
+        ");
         assert!(folded.lines().take_while(|line| !line.starts_with('*')).all(|line| line.chars().count() <= 80));
         let narrowest = render(&runs, TableFormat::Text, 1);
         assert_eq!(narrowest.matches("constant-velocity").count(), COLUMNS.len());

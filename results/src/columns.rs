@@ -87,6 +87,8 @@ pub fn results(common: Common<'_>, scene: &SceneLine, part: &Part) -> Result<Rec
     for metric in METRICS {
         table.maybe(metric.name, [value(part, metric.name)]);
     }
+    table.text("findings", [part.findings.join(", ")]);
+    table.text("unjudged", [part.unjudged.join(", ")]);
     table.flag("recorded", [part.recorded]);
     table.text("recording_error", [&part.recording_error]);
     table.text("episode_sha256", [part.digest()]);

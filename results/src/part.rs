@@ -39,6 +39,12 @@ pub struct Part {
     /// What took how long.
     #[prost(message, optional, tag = "9")]
     pub timing: Option<Timing>,
+    /// What a person should know of the scene: the codes of the warnings that `scenarios lint` has for it.
+    #[prost(string, repeated, tag = "10")]
+    pub findings: Vec<String>,
+    /// What cannot be judged in the scene.
+    #[prost(string, repeated, tag = "11")]
+    pub unjudged: Vec<String>,
 }
 
 /// How an episode came out, as far as it matters for driving it again.

@@ -55,6 +55,10 @@ pub struct Summary {
     pub scenes: Vec<(String, String)>,
     /// Those without a result; means are over the others.
     pub failures: Vec<Failure>,
+    /// How many scenes have warnings.
+    pub warned: usize,
+    /// How many scenes do not hold all that a drive is judged by.
+    pub unjudged: usize,
     /// Recordings that are not whole: scene and what is wrong.
     pub broken_recordings: Vec<(String, String)>,
     /// The mean of each metric over the episodes that define it, and how many do; none where no episode does.
@@ -86,6 +90,8 @@ impl Summary {
             detail: details[row].clone(),
         });
         let failures = failures.collect();
+        let filled = |texts: Vec<String>| texts.iter().filter(|text| !text.is_empty()).count();
+        let (warned, unjudged) = (filled(table.text("findings")?), filled(table.text("unjudged")?));
         let errors = table.text("recording_error")?;
         let broken = errors.into_iter().enumerate().filter(|(_, error)| !error.is_empty());
         let broken_recordings = broken.map(|(row, error)| (scenes[row].0.clone(), error)).collect();
@@ -98,6 +104,8 @@ impl Summary {
             changes: file.settings.protocol.changes(),
             scenes,
             failures,
+            warned,
+            unjudged,
             broken_recordings,
             means,
         })
@@ -107,6 +115,18 @@ impl Summary {
     #[must_use]
     pub fn counted(&self) -> usize {
         self.scenes.len() - self.failures.len()
+    }
+
+    /// What is odd about its scenes, in a sentence; none where nothing is.
+    #[must_use]
+    pub fn oddities(&self) -> Option<String> {
+        let total = self.scenes.len();
+        let unjudged = |count| format!("{count} cannot be judged in full");
+        match (self.warned, self.unjudged) {
+            (0, 0) => None,
+            (warned, 0) => Some(format!("{warned} of {total} scenes have warnings")),
+            (warned, count) => Some(format!("{warned} of {total} scenes have warnings, {}", unjudged(count))),
+        }
     }
 
     /// The mean of a metric, and over how many episodes.

@@ -9,11 +9,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use episode::Episode;
+use episode::protocol::Protocol;
 use results::folder::Folder;
 use results::part::{LoggedState, Part};
 use results::settings::Record;
 use results::settings::{Node, Planner, RunFile};
-use scenarios::SceneSet;
+use scenarios::{SceneSet, lint};
 use wire::cores::Cores;
 use wire::hub::{BarrierError, Cast, Hub, Seat};
 use wire::keys::{Role, Secret, Worker as WorkerName, Workers};
@@ -263,7 +264,8 @@ impl Worker<'_> {
         let mut part = match loaded {
             Err(error) => self.unreadable(id.as_str(), &error.to_string()),
             Ok((scene, findings)) => {
-                findings.iter().for_each(|finding| tracing::debug!(scene = %id, "{finding}"));
+                let lints = lint::lint(&scene, &findings);
+                lints.iter().for_each(|lint| tracing::debug!(scene = %id, "{lint}"));
                 let episode = Episode::new(Arc::clone(&scene), &shared.file.settings.protocol);
                 let prepare = shared.clock.now() - load;
                 let mut part = match episode {
@@ -271,6 +273,11 @@ impl Worker<'_> {
                     Ok(episode) => self.drive_episode(episode, &scene, record)?,
                 };
                 part.timing.get_or_insert_default().prepare = prepare.as_secs_f64();
+                let summary = lint::Summary::of(&lints);
+                part.findings = summary.codes.into_iter().map(str::to_owned).collect();
+                if matches!(shared.file.settings.protocol, Protocol::Strict(_)) {
+                    part.unjudged = summary.unjudged.iter().map(ToString::to_string).collect();
+                }
                 part
             }
         };
@@ -341,6 +348,7 @@ impl Worker<'_> {
             recorded: record,
             recording_error,
             timing: Some(timing),
+            ..Part::default()
         })
     }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use results::parquet::Table;
 
-use crate::stage::{Stage, real_scenes};
+use crate::stage::{Stage, real_scenes, shared};
 
 /// The results of all 20 s scenes under `driver`.
 fn results(driver: &str, folder: &Path) -> (Stage, Table) {
@@ -26,6 +26,27 @@ fn every_20_s_scene_comes_to_a_result_under_idm() {
             table.text("end_detail").unwrap().into_iter().zip(table.flags("failed").unwrap()).collect();
         assert!(failed.iter().all(|(_, failed)| !failed), "{failed:?}");
     }
+}
+
+#[test]
+fn what_is_odd_about_scenes_is_said_by_the_run_and_stands_in_its_results() {
+    let Some(folder) = shared("cases/scenes") else { return };
+    let scenes = folder.join("07-no-edge-no-limit.tfrecord");
+    let stage = Stage::new();
+    let ended = stage.sim(&format!("run --record none --out run {}", scenes.display()));
+    assert_eq!(ended.code, Some(0), "{}", ended.err);
+    assert!(ended.out.contains("cannot be judged in full (see --scenes)"), "{}", ended.out);
+    let table = Table::read(&stage.path("run/results.parquet")).unwrap();
+    let (findings, unjudged) = (table.text("findings").unwrap(), table.text("unjudged").unwrap());
+    let numbers = table.numbers().unwrap();
+    for row in 0..findings.len() {
+        assert_eq!(unjudged[row].contains("off road"), numbers["off_road"][row].is_none(), "{unjudged:?}");
+        assert_eq!(unjudged[row].contains("speeding"), numbers["speeding"][row].is_none(), "{unjudged:?}");
+        assert_eq!(unjudged[row].contains("off road"), findings[row].contains("no-road-edges"), "{findings:?}");
+    }
+    assert!(["off road", "speeding"].iter().all(|term| unjudged.iter().any(|text| text == term)), "{unjudged:?}");
+    let by_scene = stage.sim("table run --scenes").out;
+    assert!(by_scene.contains("[not"), "{by_scene}");
 }
 
 #[test]

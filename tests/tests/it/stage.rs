@@ -207,14 +207,18 @@ pub fn wait_until(what: &str, mut is_so: impl FnMut() -> bool) {
 
 /// Where real scenes may lie; none, with a word about it, where there are none.
 pub fn real_scenes(folder: &str) -> Option<PathBuf> {
+    shared(&format!("data/{folder}"))
+}
+
+/// A folder of what is no part of the repository; none, with a word about it, where it is not at hand.
+pub fn shared(folder: &str) -> Option<PathBuf> {
     let repository = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
     let candidates = [
         std::env::var_os("RELOOP_SHARED").map(PathBuf::from),
         Some(repository.join("../shared")),
         Some(repository.join("../../shared")),
     ];
-    let found =
-        candidates.into_iter().flatten().map(|shared| shared.join("data").join(folder)).find(|path| path.is_dir());
+    let found = candidates.into_iter().flatten().map(|shared| shared.join(folder)).find(|path| path.is_dir());
     if found.is_none() {
         eprintln!("skipped: no {folder} in $RELOOP_SHARED or ../shared");
     }
