@@ -9,6 +9,7 @@ use world::plan::{Control, Plan, STEP_SECONDS};
 use world::reference_line::ReferenceWindow;
 use world::route::{Route, RouteError};
 use world::scene::bridged::Bridged;
+use world::scene::bridged::{SeenAgent, SeenSignal};
 use world::scene::{AgentState, Scene};
 use world::signal::Signal;
 use world::vehicle::WHEELBASE;
@@ -166,11 +167,11 @@ impl Episode {
     fn agents_at(&self, log_index: usize) -> Vec<ObservedAgent> {
         let others = self.scene.tracks().iter().enumerate().filter(|(index, _)| *index != self.scene.av_index());
         let seen = others.filter_map(|(index, track)| {
-            let state = match &self.bridged {
-                Some(bridged) => bridged.observed(index, log_index)?.state,
-                None => track.states[log_index]?,
+            let SeenAgent { state, unseen } = match &self.bridged {
+                Some(bridged) => bridged.observed(index, log_index)?,
+                None => SeenAgent { state: track.states[log_index]?, unseen: 0 },
             };
-            Some(ObservedAgent { track: track.id, kind: track.kind, state })
+            Some(ObservedAgent { track: track.id, kind: track.kind, state, unseen })
         });
         seen.collect()
     }
@@ -199,17 +200,18 @@ impl Episode {
     #[must_use]
     pub fn observe(&self) -> Observation {
         let log_index = self.log_index();
-        let signals: Vec<Signal> = match &self.bridged {
-            Some(bridged) => bridged.observed_signals(log_index).iter().map(|seen| seen.signal).collect(),
-            None => self.scene.signals(log_index).to_vec(),
+        let signals: Vec<SeenSignal> = match &self.bridged {
+            Some(bridged) => bridged.observed_signals(log_index).to_vec(),
+            None => self.scene.signals(log_index).iter().map(|&signal| SeenSignal { signal, unseen: 0 }).collect(),
         };
+        let shown: Vec<Signal> = signals.iter().map(|seen| seen.signal).collect();
         Observation {
             step: self.step,
             log_index: log_index as u32,
             av: *self.rules.av(),
             control: self.rules.control(),
             agents: self.agents_at(log_index),
-            window: self.rules.window(&signals),
+            window: self.rules.window(&shown),
             signals,
         }
     }

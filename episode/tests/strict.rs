@@ -284,6 +284,23 @@ fn no_observation_knows_more_than_its_step() {
     assert_eq!(Some(seen.agents[0].state), scene.tracks()[1].states[19]);
 }
 
+#[test]
+fn an_observation_says_whom_it_does_not_see_but_supposes() {
+    let road = StraightRoad { red_at: Some(40.0), ..StraightRoad::new() }.with(car(50.0, 3.5, 0.0, 8.0));
+    let mut parts = road.scene().as_ref().clone().into_parts();
+    parts.tracks[1].states[15..40].fill(None);
+    parts.signals[17..40].iter_mut().for_each(Vec::clear);
+    let scene = Arc::new(parts.check().unwrap().0);
+    let unseen = |protocol: &Protocol| {
+        let seen = Episode::new(Arc::clone(&scene), protocol).unwrap().observe();
+        let agents: Vec<u32> = seen.agents.iter().map(|agent| agent.unseen).collect();
+        (agents, seen.signals.iter().map(|signal| signal.unseen).collect::<Vec<_>>())
+    };
+    assert_eq!(unseen(&Protocol::default()), (vec![5], vec![3]));
+    // The authors' simulator knows what is listed, no more.
+    assert_eq!(unseen(&Protocol::Paper), (vec![], vec![]));
+}
+
 /// A drive with something of everything.
 fn eventful(origin: Pose) -> Outcome {
     let road = StraightRoad { origin, red_at: Some(40.0), av: car(0.0, 0.0, 0.0, 9.0), ..StraightRoad::new() };

@@ -16,6 +16,7 @@ use world::map_matching::LanePoints;
 use world::observation::{Briefing, HistoryStep, Observation, ObservedAgent};
 use world::plan::{Control, PLAN_STEPS, STEP_SECONDS};
 use world::route::{Route, RouteStyle};
+use world::scene::bridged::SeenSignal;
 use world::scene::{Scene, TrackId};
 use world::vehicle::{BicycleModel, VehicleState, WHEELBASE};
 
@@ -72,7 +73,7 @@ impl<'a> Road<'a> {
     fn agents(&self, log_index: usize) -> Vec<ObservedAgent> {
         let others = self.scene.tracks().iter().enumerate().filter(|(track, _)| *track != self.scene.av_index());
         let seen = others.filter_map(|(_, track)| {
-            Some(ObservedAgent { track: track.id, kind: track.kind, state: track.states[log_index]? })
+            Some(ObservedAgent { track: track.id, kind: track.kind, unseen: 0, state: track.states[log_index]? })
         });
         seen.collect()
     }
@@ -102,7 +103,7 @@ impl<'a> Road<'a> {
         let mut window = self.route.window(nearest, scene.signals(frame));
         let lane = self.lanes.authors_match(av.pose()).unwrap().lane;
         window.speed_limit = Some(scene.map().lanes[lane].speed_limit().unwrap_or(0.0));
-        let signals = scene.signals(frame).to_vec();
+        let signals = scene.signals(frame).iter().map(|&signal| SeenSignal { signal, unseen: 0 }).collect();
         let control = Control::default();
         let agents = self.agents(frame);
         (briefing, Observation { step: 0, log_index: frame as u32, av, control, agents, signals, window })

@@ -88,7 +88,7 @@ mod tests {
     fn who_is_not_listed_for_a_while_goes_on_unless_the_log_is_taken_as_it_lies() {
         let scene = Arc::new(scene());
         let state = scene.tracks()[0].states[19].unwrap();
-        let agent = ObservedAgent { track: TrackId(1), kind: AgentKind::Vehicle, state };
+        let agent = ObservedAgent { track: TrackId(1), kind: AgentKind::Vehicle, state, unseen: 0 };
         let after = |scene: &Scene| logged(scene, &agent, 19).unwrap().poses[4].position();
         assert_eq!(after(&scene), Point::new(19.0, 0.0));
         assert!(after(Bridged::of(&scene).judged()).distance(Point::new(24.0, 0.0)) < 1e-9);

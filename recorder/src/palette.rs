@@ -49,6 +49,12 @@ pub fn agent(kind: AgentKind) -> Rgba {
     }
 }
 
+/// The same for somebody who is not seen, but supposed to be there.
+#[must_use]
+pub fn supposed([red, green, blue, opacity]: Rgba) -> Rgba {
+    [red, green, blue, opacity / 3]
+}
+
 /// A future of that probability: the likelier the brighter, never quite gone.
 #[must_use]
 pub fn prediction(probability: f64) -> Rgba {

@@ -209,7 +209,7 @@ fn observation(step: u32) -> Observation {
         width: 2.1,
         height: 1.7,
     };
-    let agent = |track| ObservedAgent { track: TrackId(track), kind: AgentKind::Vehicle, state };
+    let agent = |track| ObservedAgent { track: TrackId(track), kind: AgentKind::Vehicle, state, unseen: 0 };
     let column = |scale: f64| (0..1200).map(|i| scale * f64::from(i) + 0.1).collect::<Vec<_>>();
     Observation {
         step,

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use crate::map::Map;
 use crate::plan::Control;
 use crate::reference_line::{ReferenceLine, ReferenceWindow};
+use crate::scene::bridged::SeenSignal;
 use crate::scene::{AgentKind, AgentState, SceneId, TrackId};
-use crate::signal::Signal;
 
 /// An agent as it is seen at a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,8 +17,10 @@ pub struct ObservedAgent {
     pub track: TrackId,
     /// What it is.
     pub kind: AgentKind,
-    /// Its logged state at this step.
+    /// Its state at this step: as logged, or as supposed from the past alone.
     pub state: AgentState,
+    /// Steps since it was last seen: 0 where it is logged at this very step.
+    pub unseen: u32,
 }
 
 /// All that is told once, before the first step.
@@ -66,10 +68,10 @@ pub struct Observation {
     pub av: AgentState,
     /// The control that brought it here; zero at step 0.
     pub control: Control,
-    /// Every other agent that is valid now, in the log's order.
+    /// Every other agent that is seen now or was within the last 3 s (`strict`), in the log's order.
     pub agents: Vec<ObservedAgent>,
-    /// Signals that are reported now.
-    pub signals: Vec<Signal>,
+    /// Signals that are listed now, or were within the last 3 s (`strict`).
+    pub signals: Vec<SeenSignal>,
     /// The reference line around the AV.
     pub window: ReferenceWindow,
 }

@@ -81,7 +81,7 @@ impl Road {
         let place = frame.to_world(world::geometry::Point::new(ahead, 0.0));
         let state = AgentState { x: place.x, y: place.y, velocity_x: 0.0, velocity_y: 0.0, ..self.observation.av };
         let track = TrackId(7);
-        self.observation.agents = vec![ObservedAgent { track, kind: AgentKind::Vehicle, state }];
+        self.observation.agents = vec![ObservedAgent { track, kind: AgentKind::Vehicle, state, unseen: 0 }];
         let poses = vec![state.pose(); PLAN_STEPS];
         let trajectories = vec![PredictedTrajectory { track, poses }];
         self.prediction.futures = vec![Future { probability: 1.0, trajectories }];

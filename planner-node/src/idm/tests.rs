@@ -91,7 +91,12 @@ impl Drive {
             av: self.av,
             control: self.control,
             agents: agents
-                .map(|(i, state)| ObservedAgent { track: TrackId(i as i32), kind: AgentKind::Vehicle, state: *state })
+                .map(|(i, state)| ObservedAgent {
+                    track: TrackId(i as i32),
+                    kind: AgentKind::Vehicle,
+                    state: *state,
+                    unseen: 0,
+                })
                 .collect(),
             signals: vec![],
             window,

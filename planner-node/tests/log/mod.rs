@@ -9,6 +9,7 @@ use world::geometry::Pose;
 use world::observation::{Briefing, HistoryStep, Observation, ObservedAgent};
 use world::plan::{Control, Future, PLAN_STEPS, PredictedTrajectory, Prediction, UncheckedPrediction};
 use world::route::{Route, RouteStyle};
+use world::scene::bridged::SeenSignal;
 use world::scene::{AgentState, Scene};
 use world::vehicle::WHEELBASE;
 
@@ -88,7 +89,7 @@ impl Log {
             av,
             control,
             agents: self.agents(index),
-            signals: signals.to_vec(),
+            signals: signals.iter().map(|&signal| SeenSignal { signal, unseen: 0 }).collect(),
             window: self.route.window(self.route.nearest_sample(av.position()).0, signals),
         };
         self.history.push(&observation);
@@ -128,7 +129,7 @@ fn agents(scene: &Scene, index: usize) -> Vec<ObservedAgent> {
     let others = scene.tracks().iter().enumerate().filter(|(place, _)| *place != scene.av_index());
     let seen = others.filter_map(|(_, track)| {
         let state = (*track.states.get(index)?)?;
-        Some(ObservedAgent { track: track.id, kind: track.kind, state })
+        Some(ObservedAgent { track: track.id, kind: track.kind, unseen: 0, state })
     });
     seen.collect()
 }

@@ -51,15 +51,19 @@ pub fn map(scene: &proto::Scene, origin: &Origin) -> SceneUpdate {
     whole_state(0, entities)
 }
 
-/// All agents that are seen, a box each, in an entity that names the track; a text too over those that the AV touched.
+/// All agents that are seen, a box each, in an entity that names the track; a text too over those that the AV touched. Those that
+/// are supposed are paler.
 #[must_use]
 pub fn agents(step: u32, agents: &[proto::Agent], contacts: &Contacts, origin: &Origin) -> SceneUpdate {
     let entities = agents.iter().filter_map(|agent| {
         let (kind, state, mark) = (agent.kind(), agent.state.as_ref()?, contacts.mark(agent.track));
-        let cube = cube(state, mark.map_or(palette::agent(kind), |(rgba, _)| *rgba), origin);
+        let rgba = mark.map_or(palette::agent(kind), |(rgba, _)| *rgba);
+        let cube = cube(state, if agent.unseen > 0 { palette::supposed(rgba) } else { rgba }, origin);
         let texts = mark.iter().map(|(rgba, label)| text_above(state, label, *rgba, origin)).collect();
         let entity = entity(step, format!("agent/{}", agent.track));
-        let metadata = vec![KeyValuePair { key: "kind".to_owned(), value: strokes::kind_name(kind).to_owned() }];
+        let pair = |key: &str, value: String| KeyValuePair { key: key.to_owned(), value };
+        let mut metadata = vec![pair("kind", strokes::kind_name(kind).to_owned())];
+        metadata.extend((agent.unseen > 0).then(|| pair("unseen_steps", agent.unseen.to_string())));
         Some(SceneEntity { cubes: vec![cube], texts, metadata, ..entity })
     });
     whole_state(step, entities.collect())

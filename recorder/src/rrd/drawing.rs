@@ -62,6 +62,8 @@ pub struct Drawing {
     /// Ground below the AV (m, the log's frame): plans and predictions have no height of their own.
     ground: f64,
     agents: [Boxes; KINDS.len()],
+    /// Those that are not seen now, but supposed to be there.
+    supposed: Boxes,
     contacts: Contacts,
     struck: Boxes,
     touched: Boxes,
@@ -159,12 +161,18 @@ impl Drawing {
     fn place_agents(&mut self, step: u32, agents: &[proto::Agent]) {
         for ((kind, _), boxes) in KINDS.iter().zip(&mut self.agents) {
             let of_kind = agents.iter().filter(|agent| agent.kind() == *kind);
-            let untouched = of_kind.filter(|agent| self.contacts.mark(agent.track).is_none());
+            let untouched = of_kind.filter(|agent| agent.unseen == 0 && self.contacts.mark(agent.track).is_none());
             let labelled = untouched.filter_map(|agent| {
                 Some((agent.state.as_ref()?, format!("{} {}", strokes::kind_name(*kind), agent.track)))
             });
             boxes.push(step, labelled, &self.origin);
         }
+        let supposed = agents.iter().filter(|agent| agent.unseen > 0 && self.contacts.mark(agent.track).is_none());
+        let labelled = supposed.filter_map(|agent| {
+            let (kind, seconds) = (strokes::kind_name(agent.kind()), 0.1 * f64::from(agent.unseen));
+            Some((agent.state.as_ref()?, format!("{kind} {}, not seen for {seconds:.1} s", agent.track)))
+        });
+        self.supposed.push(step, labelled, &self.origin);
         for (boxes, color) in [(&mut self.struck, palette::STRUCK), (&mut self.touched, palette::TOUCHED)] {
             let marked = agents.iter().filter_map(|agent| {
                 let (rgba, label) = self.contacts.mark(agent.track)?;
@@ -248,6 +256,7 @@ impl Drawing {
         for ((kind, path), boxes) in KINDS.into_iter().zip(self.agents) {
             boxes.log(store, path, palette::agent(kind))?;
         }
+        self.supposed.log_edges(store, "world/agents/supposed", palette::agent(AgentKind::Other))?;
         self.struck.log_labelled(store, "world/agents/struck", palette::STRUCK)?;
         self.touched.log_labelled(store, "world/agents/touched", palette::TOUCHED)?;
         self.ghost.log_edges(store, "world/logged_av", palette::GHOST)?;

@@ -207,7 +207,7 @@ fn agents(step: f64, size: Size) -> Vec<proto::Agent> {
             2 => (AgentKind::Pedestrian, state(-8.5 + 0.01 * spread, 0.2 * along, FRAC_PI_2, 1.3, [0.7, 0.7, 1.75])),
             _ => (AgentKind::Cyclist, state(along, 4.9, 0.0, 0.5 * speed, [1.8, 0.7, 1.7])),
         };
-        proto::Agent { track: 100 + index as i32, kind: kind.into(), state: Some(state) }
+        proto::Agent { track: 100 + index as i32, kind: kind.into(), state: Some(state), unseen: 0 }
     };
     (0..size.agents).map(agent).collect()
 }
@@ -220,6 +220,7 @@ fn observation(step: u32, size: Size) -> proto::Observation {
         stop_x: CENTER.0 + x,
         stop_y: CENTER.1 + y,
         stop_z: CENTER.2,
+        unseen: 0,
     };
     let (own, other) =
         if green { (SignalState::Go, SignalState::Stop) } else { (SignalState::Caution, SignalState::Go) };

@@ -3,6 +3,7 @@
 use world::geometry::Point3;
 use world::map::{self, MapId};
 use world::observation::ObservedAgent;
+use world::scene::bridged::SeenSignal;
 use world::scene::{self, TrackId};
 use world::signal;
 
@@ -74,6 +75,7 @@ impl From<&ObservedAgent> for proto::Agent {
             track: agent.track.0,
             kind: proto::AgentKind::from(agent.kind).into(),
             state: Some((&agent.state).into()),
+            unseen: agent.unseen,
         }
     }
 }
@@ -83,23 +85,25 @@ pub(super) fn agent(agent: &proto::Agent) -> Checked<ObservedAgent> {
         track: TrackId(agent.track),
         kind: agent_kind("kind", agent.kind)?,
         state: agent_state(&required("state", agent.state)?).within("state")?,
+        unseen: agent.unseen,
     })
 }
 
-impl From<&signal::Signal> for proto::Signal {
-    fn from(signal: &signal::Signal) -> Self {
+impl From<&SeenSignal> for proto::Signal {
+    fn from(SeenSignal { signal, unseen }: &SeenSignal) -> Self {
         Self {
             lane: signal.lane.0,
             state: proto::SignalState::from(signal.state).into(),
             stop_x: signal.stop_point.x,
             stop_y: signal.stop_point.y,
             stop_z: signal.stop_point.z,
+            unseen: *unseen,
         }
     }
 }
 
-pub(super) fn signal(signal: &proto::Signal) -> Checked<signal::Signal> {
-    Ok(signal::Signal {
+pub(super) fn signal(signal: &proto::Signal) -> Checked<SeenSignal> {
+    let shown = signal::Signal {
         lane: MapId(signal.lane),
         state: signal_state("state", signal.state)?,
         stop_point: Point3 {
@@ -107,5 +111,6 @@ pub(super) fn signal(signal: &proto::Signal) -> Checked<signal::Signal> {
             y: finite("stop_y", signal.stop_y)?,
             z: finite("stop_z", signal.stop_z)?,
         },
-    })
+    };
+    Ok(SeenSignal { signal: shown, unseen: signal.unseen })
 }

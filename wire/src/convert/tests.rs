@@ -10,6 +10,7 @@ use world::map::*;
 use world::observation::*;
 use world::plan::*;
 use world::reference_line::{ReferenceLine, ReferenceWindow};
+use world::scene::bridged::SeenSignal;
 use world::scene::{AgentKind, AgentState, SceneId, TrackId};
 use world::signal::{Signal, SignalState};
 
@@ -37,8 +38,11 @@ fn state() -> impl Strategy<Value = AgentState> {
 fn agents() -> impl Strategy<Value = Vec<ObservedAgent>> {
     let kind =
         prop::sample::select(vec![AgentKind::Vehicle, AgentKind::Pedestrian, AgentKind::Cyclist, AgentKind::Other]);
-    let agent = (any::<i32>(), kind, state());
-    vec(agent.prop_map(|(track, kind, state)| ObservedAgent { track: TrackId(track), kind, state }), 0..6)
+    let agent = (any::<i32>(), kind, state(), any::<u32>());
+    vec(
+        agent.prop_map(|(track, kind, state, unseen)| ObservedAgent { track: TrackId(track), kind, state, unseen }),
+        0..6,
+    )
 }
 
 fn points() -> impl Strategy<Value = Vec<Point3>> {
@@ -63,10 +67,9 @@ fn line(samples: std::ops::Range<usize>) -> impl Strategy<Value = ReferenceLine>
 fn observation() -> impl Strategy<Value = Observation> {
     let state_of_signal =
         prop::sample::select(vec![SignalState::Stop, SignalState::Go, SignalState::ArrowCaution, SignalState::Unknown]);
-    let signal = (any::<i64>(), state_of_signal, number()).prop_map(|(lane, state, x)| Signal {
-        lane: MapId(lane),
-        state,
-        stop_point: Point3 { x, y: -x, z: 1.0 },
+    let signal = (any::<i64>(), state_of_signal, number(), any::<u32>()).prop_map(|(lane, state, x, unseen)| {
+        let signal = Signal { lane: MapId(lane), state, stop_point: Point3 { x, y: -x, z: 1.0 } };
+        SeenSignal { signal, unseen }
     });
     (any::<u32>(), state(), agents(), vec(signal, 0..3), line(2..9), number()).prop_map(
         |(step, av, agents, signals, line, a)| Observation {
@@ -272,7 +275,7 @@ fn honest_observation() -> proto::Observation {
         speed_limit: vec![0.0],
         crosswalk: vec![false],
     };
-    let agent = proto::Agent { track: 1, kind: 1, state: Some(proto::AgentState::default()) };
+    let agent = proto::Agent { track: 1, kind: 1, state: Some(proto::AgentState::default()), unseen: 0 };
     proto::Observation {
         av: Some(proto::AgentState::default()),
         agents: vec![agent; 2],

@@ -224,7 +224,8 @@ pub(crate) mod tests {
     }
 
     pub(crate) fn observation(step: u32) -> Observation {
-        let agent = ObservedAgent { track: TrackId(7), kind: AgentKind::Vehicle, state: AgentState::default() };
+        let agent =
+            ObservedAgent { track: TrackId(7), kind: AgentKind::Vehicle, state: AgentState::default(), unseen: 0 };
         Observation {
             step,
             log_index: 19 + step,
