@@ -1,5 +1,5 @@
 //! A planner that drives straight on, but for one step of one scene, at which it does what `RELOOP_LIE` says:
-//! `SCENE STEP LIE`, with LIE one of `die`, `stop`, `silence`, `error`, `nan`, `length`, `controls`, `step`, `version`.
+//! `SCENE STEP LIE`, with LIE one of `die`, `stop`, `silence`, `raise`, `error`, `nan`, `length`, `controls`, `step`, `version`.
 //!
 //! What it is to do comes by the environment, for two runs of one command must differ in nothing else.
 
@@ -54,6 +54,13 @@ fn tell(lie: &str, mut plan: UncheckedPlan) -> Result<UncheckedPlan, String> {
         "die" => raise(Signal::SIGKILL).unwrap(),
         "stop" => raise(Signal::SIGSTOP).unwrap(),
         "silence" => std::thread::sleep(Duration::from_secs(600)),
+        // As a Python planner whose main thread is gone, and whose other threads are not.
+        "raise" => {
+            eprintln!(
+                "Traceback (most recent call last):\n  File \"planner.py\", line 7, in plan\nValueError: no lane here"
+            );
+            std::thread::sleep(Duration::from_secs(600));
+        }
         "error" => return Err("I would rather not".to_owned()),
         "nan" => plan.states[7].x = f64::NAN,
         "length" => plan.states.truncate(49),

@@ -12,7 +12,7 @@
 //! | [`worker`], [`recorder`] | the threads that do it |
 //! | [`drive`], [`bus`] | one episode, and its driver on the bus |
 //! | [`progress`] | which episodes are done, and which are to be driven |
-//! | [`process`], [`shell`], [`voice`], [`witness`] | nodes: started, heard, and how they ended |
+//! | [`process`], [`shell`], [`voice`], [`raised`], [`witness`] | nodes: started, heard, and how they ended |
 //! | [`console`], [`interrupt`], [`threads`], [`clock`] | standard error, Ctrl-C, panics, time |
 //! | [`timing`] | where the time went |
 
@@ -57,6 +57,7 @@ pub mod drive;
 pub mod interrupt;
 pub mod process;
 pub mod progress;
+pub mod raised;
 pub mod recorder;
 pub mod shell;
 pub mod threads;

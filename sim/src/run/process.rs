@@ -10,7 +10,7 @@ use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread;
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::{Signal, killpg};
@@ -66,6 +66,8 @@ pub struct Process {
     child: Child,
     groups: Groups,
     voice: Voice,
+    /// The threads that hear what it says.
+    ears: Vec<JoinHandle<()>>,
     /// How it ended, once it has.
     ended: Option<String>,
 }
@@ -81,15 +83,16 @@ impl Process {
         let mut child = command.spawn().map_err(failed)?;
         groups.lock().insert(child.id() as i32);
         // These threads end with the process, at the end of what it says.
+        let mut ears = Vec::new();
         if let Some(output) = child.stdout.take() {
             let voice = voice.clone();
-            thread::spawn(move || voice.read(output));
+            ears.push(thread::spawn(move || voice.read(output)));
         }
         if let Some(errors) = child.stderr.take() {
             let voice = voice.clone();
-            thread::spawn(move || voice.read(errors));
+            ears.push(thread::spawn(move || voice.read(errors)));
         }
-        Ok(Self { name: name.to_owned(), child, groups: groups.clone(), voice, ended: None })
+        Ok(Self { name: name.to_owned(), child, groups: groups.clone(), voice, ears, ended: None })
     }
 
     /// Its name.
@@ -111,6 +114,15 @@ impl Process {
             self.ended = Some(how);
         }
         self.ended.clone()
+    }
+
+    /// What it raised last, if it said so. Of one that is gone all is heard first, within `patience`.
+    pub fn raised(&mut self, patience: Duration) -> Option<String> {
+        let until = Instant::now() + patience;
+        while self.gone().is_some() && self.ears.iter().any(|ear| !ear.is_finished()) && Instant::now() < until {
+            thread::sleep(Duration::from_millis(2));
+        }
+        self.voice.raised()
     }
 
     /// Kills the group once: when its head was waited for and nobody is left in it, its number may be given away.

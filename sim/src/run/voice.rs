@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::console::Console;
+use super::raised::Raised;
 
 /// Bytes after which a line is broken: a program may write for ever without ending one.
 const LONGEST_LINE: usize = 4096;
@@ -25,6 +26,7 @@ pub struct Voice {
     console: Console,
     /// Shared, because standard output and standard error are read by a thread each.
     log: Arc<Mutex<Log>>,
+    raised: Arc<Mutex<Raised>>,
 }
 
 /// A log; its file is made with its first line, so that silent processes leave none.
@@ -40,16 +42,24 @@ impl Voice {
     #[must_use]
     pub fn new(name: &str, console: &Console, path: PathBuf) -> Self {
         let log = Log { path, file: None, room: LONGEST_LOG };
-        Self { name: name.to_owned(), console: console.clone(), log: Arc::new(Mutex::new(log)) }
+        Self { name: name.to_owned(), console: console.clone(), log: Arc::new(Mutex::new(log)), raised: Arc::default() }
     }
 
     /// Passes on what is read from `from`, to its end.
     pub fn read(&self, from: impl Read) {
         each_line(from, |line| {
-            let line = format!("{}: {}", self.name, escaped(&String::from_utf8_lossy(line)));
+            let text = escaped(&String::from_utf8_lossy(line));
+            self.raised.lock().unwrap_or_else(PoisonError::into_inner).hear(&text);
+            let line = format!("{}: {text}", self.name);
             self.console.line(&line);
             self.note(&line);
         });
+    }
+
+    /// What the process raised last, if it said so.
+    #[must_use]
+    pub fn raised(&self) -> Option<String> {
+        self.raised.lock().unwrap_or_else(PoisonError::into_inner).last().map(str::to_owned)
     }
 
     /// Writes a line to the log alone.

@@ -22,25 +22,31 @@ pub struct Witness<'a, D> {
     pub nodes: &'a mut [Process],
 }
 
+/// The role alone: a result does not depend on which worker drove.
+fn role(node: &Process) -> &str {
+    node.name().split(' ').next().unwrap_or_default()
+}
+
 impl<D> Witness<'_, D> {
-    /// The reason, with the end of a process that is gone.
+    /// The reason, with the end of a process that is gone, and what one raised.
     fn testify(&mut self, reason: &str) -> String {
         let until = Instant::now() + DYING;
         let ended = loop {
             let gone = self.nodes.iter_mut().find_map(|node| {
                 let how = node.gone()?;
-                // The role alone: a result does not depend on which worker drove.
-                Some(format!("the {} {how}", node.name().split(' ').next().unwrap_or_default()))
+                Some(format!("the {} {how}", role(node)))
             });
             if gone.is_some() || self.nodes.is_empty() || Instant::now() >= until {
                 break gone;
             }
             thread::sleep(Duration::from_millis(5));
         };
-        voice::reason(&match ended {
-            Some(ended) => format!("{reason}: {ended}"),
-            None => reason.to_owned(),
-        })
+        let raised = self.nodes.iter_mut().find_map(|node| {
+            let what = node.raised(DYING)?;
+            Some(format!("the {} {what}", role(node)))
+        });
+        let told = [Some(reason.to_owned()), ended, raised];
+        voice::reason(&told.into_iter().flatten().collect::<Vec<_>>().join(": "))
     }
 }
 

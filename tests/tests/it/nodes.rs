@@ -69,6 +69,12 @@ fn a_node_that_falls_silent() {
 }
 
 #[test]
+fn a_node_that_stays_silent_after_an_exception_is_told_from_a_slow_one() {
+    let reason = "step 20: the planner gave no answer within 1 s: the planner raised ValueError: no lane here";
+    costs_its_episode("raise", "--deadline 1s", reason);
+}
+
+#[test]
 fn a_node_that_has_no_answer_says_why() {
     costs_its_episode("error", "", "step 20: the planner's answer is refused: it cannot answer: I would rather not");
 }
