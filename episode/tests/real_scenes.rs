@@ -90,6 +90,28 @@ fn the_human_has_no_fault_that_counts_and_no_position_error() {
 }
 
 #[test]
+fn the_human_of_419_scenes_loses_by_its_own_comfort_alone() {
+    let Some(folder) = shared().map(|shared| shared.join("data/train-9s")).filter(|folder| folder.is_dir()) else {
+        eprintln!("skipped: no train-9s in ../shared or RELOOP_SHARED");
+        return;
+    };
+    let set = SceneSet::open(&[folder.display().to_string()]).unwrap();
+    let step = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let drive_from = |first: usize| {
+        for index in (first..set.entries().len()).step_by(step) {
+            let outcome = replay(&set.load(index).unwrap().0, Motion::Playback);
+            for metric in &outcome.end.metrics {
+                let is_term = metric.name.starts_with("nuplan_")
+                    && !["max_", "min_", "comfort", "score", "terms"].iter().any(|other| metric.name.contains(other));
+                let is_kept = !is_term || metric.value.is_none_or(|value| value == 1.0);
+                assert!(is_kept, "{}: {} {:?}", set.entries()[index].id, metric.name, metric.value);
+            }
+        }
+    };
+    std::thread::scope(|threads| (0..step).for_each(|first| drop(threads.spawn(move || drive_from(first)))));
+}
+
+#[test]
 fn the_drivers_of_the_demo_set_have_no_fault_at_all() {
     let set = SceneSet::open(&[]).unwrap();
     for index in 0..set.entries().len() {

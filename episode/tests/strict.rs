@@ -240,6 +240,18 @@ fn speeding_costs_what_the_integral_says_unless_the_human_speeds_there_too() {
 }
 
 #[test]
+fn who_is_no_faster_than_the_human_above_the_limit_keeps_it() {
+    // Too little to count as speeding, enough to cost.
+    let above = StraightRoad { av: car(0.0, 0.0, 0.0, LIMIT + 1.0), ..StraightRoad::new() };
+    let limit = |outcome: &Outcome| metric(outcome, "nuplan_speed_limit").unwrap();
+    assert_eq!(limit(&replay(&above)), 1.0);
+    assert_eq!(limit(&run(&above, &mut straight_on())), 1.0);
+    let faster = |o: &Observation| Control { acceleration: if o.step < 5 { 1.0 } else { 0.0 }, steering: 0.0 };
+    let outcome = run(&above, &mut Controls(faster));
+    assert!(limit(&outcome) < 0.5 && metric(&outcome, "speeding") == Some(0.0), "{}", limit(&outcome));
+}
+
+#[test]
 fn a_plan_without_controls_is_tracked() {
     let road = StraightRoad::new();
     let outcome = run(&road, &mut LogReplay(road.scene()));

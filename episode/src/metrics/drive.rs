@@ -10,7 +10,7 @@ use world::scene::{AgentKind, Judgement};
 use super::comfort::{self, Ride};
 use super::feasibility::{self, Pace};
 use super::{nuplan, paper};
-use crate::judges::lanes::{Driven, WRONG_WAY};
+use crate::judges::lanes::Driven;
 use crate::judges::rear_axle_to_center;
 use crate::judges::time_to_collision::LEAST_TIME_TO_COLLISION;
 
@@ -37,8 +37,17 @@ pub struct Drive<'a> {
     pub horizon: usize,
     /// What the scene does not allow to judge.
     pub unjudged: &'a BTreeSet<Judgement>,
-    /// For each record whether the AV is too fast there only as the logged AV is.
-    pub speeding_netted: &'a [bool],
+    /// For each record what is no fault of the AV's.
+    pub netted: &'a [NettedStep],
+}
+
+/// What the logged AV does too where the AV is after a step, so that it does not count in the score.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NettedStep {
+    /// It is above the limit, and as fast.
+    pub overspeed: bool,
+    /// It drives against its lane.
+    pub backward_travel: bool,
 }
 
 /// The AV where a drive starts.
@@ -204,11 +213,12 @@ impl Facts {
         let progress = progress.map(|(own, human)| nuplan::progress(own, human));
         let records = drive.records;
         let driven = || records.iter().zip(drive.driven.iter().skip(1));
-        let is_netted = |record: &proto::StepRecord| record.backward_travel >= WRONG_WAY && !record.wrong_way;
-        let backward = driven().filter(|(record, _)| !is_netted(record)).map(|(_, driven)| driven.backward_travel);
+        let netted = || drive.netted.iter().copied().chain(std::iter::repeat(NettedStep::default()));
+        let backward = driven().zip(netted()).filter(|(_, netted)| !netted.backward_travel);
+        let backward = backward.map(|((_, driven), _)| driven.backward_travel);
         let over = driven().map(|(record, driven)| overspeed(speed(record), driven.speed_limit));
-        let netted = drive.speeding_netted.iter().copied().chain(std::iter::repeat(false));
-        let over: Vec<f64> = over.zip(netted).map(|(over, netted)| if netted { 0.0 } else { over }).collect();
+        let over: Vec<f64> =
+            over.zip(netted()).map(|(over, netted)| if netted.overspeed { 0.0 } else { over }).collect();
         let score = |is_kept: bool| Some(f64::from(u8::from(is_kept)));
         let no_collision = nuplan::no_collision(drive.at_fault.iter().copied());
         let in_time = self.time_to_collision.is_none_or(|time| time >= LEAST_TIME_TO_COLLISION);

@@ -19,7 +19,7 @@ pub mod savitzky_golay;
 
 use world::scene::Judgement;
 
-pub use drive::{Drive, Facts, Start};
+pub use drive::{Drive, Facts, NettedStep, Start};
 
 /// One metric of an episode.
 #[derive(Clone, Copy)]

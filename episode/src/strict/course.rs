@@ -142,6 +142,11 @@ impl Reader {
         self.follower.follow(&course.route, pose, ground, course.off_route_distance)
     }
 
+    /// What the lanes alone say of the AV.
+    pub fn read_lanes(&mut self, course: &Course, av: &Body) -> LaneReading {
+        self.lanes.read(&course.lanes, av, course.wheelbase)
+    }
+
     /// The reading of the AV, which was followed to `at`.
     pub fn read(&mut self, course: &Course, av: &Body, at: Followed) -> Reading {
         let center = av.outline.center;
@@ -149,7 +154,7 @@ impl Reader {
         let Followed { sample, distance: route_distance, skipped } = at;
         let offset = center - line.point(sample);
         let forward = Point::unit(line.heading[sample]);
-        let lane = self.lanes.read(&course.lanes, av, course.wheelbase);
+        let lane = self.read_lanes(course, av);
         let beyond = course.edges.beyond(av);
         let front = av.outline.front();
         let front_way = self.front.replace(front).map(|start| Segment { start, end: front });

@@ -6,6 +6,8 @@
 //! contact with the same track at the same time is netted too, wherever it is. Steps at which the logged AV was not seen excuse
 //! nothing.
 
+use std::ops::Range;
+
 use world::geometry::{OrientedBox, Point, Segment, boxes_overlap};
 use world::plan::STEP_SECONDS;
 use world::route::follow::Follower;
@@ -13,6 +15,7 @@ use world::scene::bridged::Bridged;
 
 use super::course::{Course, Faults, Reader, Reading};
 use crate::judges::collision::overlaps;
+use crate::judges::lanes::{Driven, LaneReading, WRONG_WAY};
 use crate::judges::red_light::RedStop;
 use crate::judges::time_to_collision::{HORIZON_STEPS, LEAST_TIME_TO_COLLISION, TrafficAgent, time_to_collision};
 use crate::judges::{Body, STOREY};
@@ -20,6 +23,9 @@ use crate::metrics::nuplan::OVERSPEED;
 
 /// Within this distance (m) of where the logged AV was it is the same place.
 pub const SAME_PLACE: f64 = 1.0;
+
+/// An AV that is faster by less than this (m/s) is as fast.
+const AS_FAST: f64 = 0.1;
 
 /// Steps of the second over which driving against a lane is summed.
 const SECOND: usize = 10;
@@ -47,6 +53,23 @@ struct Place {
     z: f64,
     speed: f64,
     faults: Faults,
+    /// It is above the speed limit, be it by less than counts as speeding.
+    over_limit: bool,
+}
+
+/// What the lanes may say of the logged AV at a log index. They say different things, depending on where they begin to follow it:
+/// the lane of the step before is kept while it holds the centre. So they are asked as they are of a drive too.
+#[derive(Clone, Copy, Debug, Default)]
+struct LaneFaults {
+    wrong_way: bool,
+    over_limit: bool,
+}
+
+impl LaneFaults {
+    fn add(&mut self, speed: f64, told: Driven) {
+        self.wrong_way |= told.backward_travel >= WRONG_WAY;
+        self.over_limit |= told.speed_limit > 0.0 && speed > told.speed_limit;
+    }
 }
 
 /// The logged AV beside a track, from one step to the next.
@@ -95,7 +118,7 @@ impl Human {
             human.red_stops_crossed.extend(course.red_stops_crossed(log_index, &reading).copied());
             readings.push(Some((body, reading)));
         }
-        human.places = places(&readings);
+        human.places = places(&readings, &lane_faults(course, &reader, &readings, start..end.min(readings.len())));
         let outline = |at: &Option<(Body, Reading)>| at.as_ref().map(|(body, _)| (body.outline, body.state.z));
         human.bodies = readings.iter().map(outline).collect();
         human.encounters = encounters(course, &readings);
@@ -130,7 +153,7 @@ impl Human {
             return Faults::default();
         }
         let center = av.outline.center;
-        let here = || self.places.iter().filter(|place| (place.z - av.state.z).abs() <= STOREY);
+        let here = || self.places_at(av);
         let passes = |fault: fn(&Place) -> bool| here().any(|place| fault(place) && place.is_passed_at(center));
         let corners = av.outline.corners();
         let covers = |broken: [bool; 4], fault: fn(&Place) -> bool| {
@@ -142,12 +165,31 @@ impl Human {
             off_road: own.off_road && covers(reading.corners.off_road, |place| place.faults.off_road),
             outside_drivable_area: own.outside_drivable_area
                 && covers(reading.corners.outside, |place| place.faults.outside_drivable_area),
-            wrong_way: own.wrong_way && passes(|place| place.faults.wrong_way),
+            wrong_way: own.wrong_way && self.goes_wrong_at(av),
             speeding: own.speeding
                 && here().any(|place| {
                     place.faults.speeding && place.is_passed_at(center) && av.speed - place.speed <= OVERSPEED
                 }),
         }
+    }
+
+    /// Whether the logged AV drives against its lane there.
+    #[must_use]
+    pub fn goes_wrong_at(&self, av: &Body) -> bool {
+        self.places_at(av).any(|place| place.faults.wrong_way && place.is_passed_at(av.outline.center))
+    }
+
+    /// Whether the logged AV is above the limit there, and as fast.
+    #[must_use]
+    pub fn is_as_fast_at(&self, av: &Body) -> bool {
+        let is_as_fast = |place: &Place| place.over_limit && av.speed <= place.speed + AS_FAST;
+        self.places_at(av).any(|place| is_as_fast(place) && place.is_passed_at(av.outline.center))
+    }
+
+    /// Where it breaks a rule, on the AV's level.
+    fn places_at(&self, av: &Body) -> impl Iterator<Item = &Place> {
+        let z = av.state.z;
+        self.places.iter().filter(move |place| (place.z - z).abs() <= STOREY)
     }
 
     /// Whether the logged AV overlaps that track too: where the AV does, or when it does.
@@ -211,17 +253,43 @@ impl Place {
     }
 }
 
-fn places(readings: &[Option<(Body, Reading)>]) -> Vec<Place> {
+/// What the lanes say of each log index, followed from the log's begin as by `reader`, and from where a drive begins; as it is read on the
+/// way, and as it is settled at the end.
+fn lane_faults(
+    course: &Course,
+    reader: &Reader,
+    readings: &[Option<(Body, Reading)>],
+    drive: Range<usize>,
+) -> Vec<LaneFaults> {
+    let mut faults = vec![LaneFaults::default(); readings.len()];
+    let told = |lane: &LaneReading| Driven { backward_travel: lane.backward_travel, speed_limit: lane.speed_limit };
+    let present = || readings.iter().enumerate().filter_map(|(index, at)| Some((index, at.as_ref()?)));
+    for ((index, (body, reading)), settled) in present().zip(reader.settle(course)) {
+        faults[index].add(body.speed, told(&reading.lane));
+        faults[index].add(body.speed, settled);
+    }
+    let driven = || present().filter(|(index, _)| drive.contains(index));
+    let mut reader = Reader::default();
+    for (index, (body, _)) in driven() {
+        faults[index].add(body.speed, told(&reader.read_lanes(course, body)));
+    }
+    for ((index, (body, _)), settled) in driven().zip(reader.settle(course)) {
+        faults[index].add(body.speed, settled);
+    }
+    faults
+}
+
+fn places(readings: &[Option<(Body, Reading)>], lanes: &[LaneFaults]) -> Vec<Place> {
     let backs = |step: usize| {
         // Who is told to have driven a second against the lane did so during that second.
-        let second = readings[step..].iter().take(SECOND + 1).flatten();
-        second.into_iter().any(|(_, reading)| reading.faults.wrong_way)
+        lanes[step..].iter().take(SECOND + 1).any(|lanes| lanes.wrong_way)
     };
     let place = |(step, at): (usize, &Option<(Body, Reading)>)| {
         let (body, reading) = at.as_ref()?;
         let faults = Faults { wrong_way: backs(step), ..reading.faults };
-        let place = Place { outline: body.outline, z: body.state.z, speed: body.speed, faults };
-        (faults != Faults::default()).then_some(place)
+        let over_limit = lanes[step].over_limit;
+        let place = Place { outline: body.outline, z: body.state.z, speed: body.speed, faults, over_limit };
+        (over_limit || faults != Faults::default()).then_some(place)
     };
     readings.iter().enumerate().filter_map(place).collect()
 }

@@ -161,7 +161,7 @@ impl Strict {
             human_route_progress: self.human.route_progress(),
             horizon: self.end,
             unjudged: &self.unjudged,
-            speeding_netted: self.referee.speeding_netted(),
+            netted: self.referee.netted_steps(),
         })
     }
 

@@ -15,6 +15,7 @@ use crate::judges::time_to_collision::{
     HORIZON_STEPS, LEAST_TIME_TO_COLLISION, STANDING_SPEED, TrafficAgent, time_to_collision,
 };
 use crate::judges::{Body, STOREY};
+use crate::metrics::NettedStep;
 
 /// How a rule stands at a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -60,8 +61,8 @@ pub struct Referee {
     /// Agents that overlap the AV at this step; kept to spare an allocation.
     overlapping: Vec<TrafficAgent>,
     at_fault: Vec<AgentKind>,
-    /// For each step whether the AV was too fast only as the logged AV is.
-    speeding_netted: Vec<bool>,
+    /// For each step what of it the logged AV does there too.
+    netted_steps: Vec<NettedStep>,
     off_route: Standing,
     off_road: Standing,
     wrong_way: Standing,
@@ -79,7 +80,7 @@ impl Referee {
             since_wrong_way: u32::MAX,
             overlapping: Vec::with_capacity(traffic.most_agents()),
             at_fault: Vec::new(),
-            speeding_netted: Vec::with_capacity(steps),
+            netted_steps: Vec::with_capacity(steps),
             off_route: Standing::Kept,
             off_road: Standing::Kept,
             wrong_way: Standing::Kept,
@@ -94,9 +95,9 @@ impl Referee {
         &self.at_fault
     }
 
-    /// For each step whether the AV was too fast only as the logged AV is.
-    pub(super) fn speeding_netted(&self) -> &[bool] {
-        &self.speeding_netted
+    /// For each step what of it the logged AV does there too.
+    pub(super) fn netted_steps(&self) -> &[NettedStep] {
+        &self.netted_steps
     }
 
     /// Fills in the record and the events of a step.
@@ -192,7 +193,10 @@ impl Referee {
         let off_road = Standing::of(own.off_road, log.off_road);
         let wrong_way = Standing::of(own.wrong_way, log.wrong_way);
         let speeding = Standing::of(own.speeding, log.speeding);
-        self.speeding_netted.push(speeding == Standing::Netted);
+        self.netted_steps.push(NettedStep {
+            overspeed: speeding == Standing::Netted || speeding == Standing::Kept && human.is_as_fast_at(av),
+            backward_travel: self.since_wrong_way <= SECOND,
+        });
         let low_time = record.time_to_collision.is_some_and(|time| time < LEAST_TIME_TO_COLLISION);
         record.off_route = off_route == Standing::Broken;
         record.off_road = off_road == Standing::Broken;
@@ -238,7 +242,7 @@ impl Referee {
     /// were driven, not only where the sum is read.
     fn netted_faults(&mut self, human: &Human, av: &Body, reading: &Reading) -> Faults {
         let log = human.nets(av, reading);
-        self.since_wrong_way = if log.wrong_way { 0 } else { self.since_wrong_way.saturating_add(1) };
+        self.since_wrong_way = if human.goes_wrong_at(av) { 0 } else { self.since_wrong_way.saturating_add(1) };
         Faults { wrong_way: reading.faults.wrong_way && self.since_wrong_way <= SECOND, ..log }
     }
 }
