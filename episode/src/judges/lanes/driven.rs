@@ -15,6 +15,9 @@ const SECOND: usize = 1 + (1.0 / STEP_SECONDS) as usize;
 /// So far (m) from its connectors the AV still follows them while nothing but other connectors hold its centre.
 const CUTTING: f64 = 5.0;
 
+/// Stations that are farther apart than this (m) and twice the way that was driven are of two passes of one lane.
+const JUMP: f64 = 10.0;
+
 /// What a sample says of the AV along its lanes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Driven {
@@ -96,8 +99,8 @@ struct Travel {
     begun: bool,
     /// The lane that was last driven in.
     lane: Option<usize>,
-    /// The AV's station (m) in it, if the way from there counts.
-    station: Option<f64>,
+    /// Where the AV was, and its station (m) in the lane, if the way from there counts.
+    last: Option<(Point, f64)>,
     /// Travel (m) at each of the last samples.
     ways: [f64; SECOND],
     next: usize,
@@ -105,19 +108,24 @@ struct Travel {
 
 impl Travel {
     fn read(&mut self, lanes: &Lanes, center: Point, driven: &[usize]) -> Driven {
-        self.ways[self.next] = driven.first().map_or(0.0, |lane| self.way(*lane, lanes.station(*lane, center)));
+        self.ways[self.next] = driven.first().map_or(0.0, |lane| self.way(lanes, *lane, center));
         self.next = (self.next + 1) % SECOND;
         self.begun = true;
         Driven { backward_travel: (-self.ways.iter().sum::<f64>()).max(0.0), speed_limit: lanes.speed_limit(driven) }
     }
 
     /// None at the first two samples in a new lane, but for the very first of the drive; none to the lane's very start.
-    fn way(&mut self, lane: usize, station: f64) -> f64 {
+    fn way(&mut self, lanes: &Lanes, lane: usize, center: Point) -> f64 {
         if self.begun && self.lane != Some(lane) {
-            (self.lane, self.station) = (Some(lane), None);
+            (self.lane, self.last) = (Some(lane), None);
             return 0.0;
         }
         self.lane = Some(lane);
-        self.station.replace(station).filter(|_| station != 0.0).map_or(0.0, |before| station - before)
+        let station = lanes.station(lane, center);
+        let Some((from, before)) = self.last.replace((center, station)).filter(|_| station != 0.0) else { return 0.0 };
+        let way = station - before;
+        // A lane that passes a place twice, as a circle does where it closes: the other pass is the nearer one now.
+        let moved = center - from;
+        if way.abs() > JUMP + 2.0 * center.distance(from) { moved.dot(lanes.direction(lane, center)) } else { way }
     }
 }

@@ -78,7 +78,7 @@ impl LaneTracker {
 
 #[cfg(test)]
 mod tests {
-    use world::geometry::{Point3, Pose};
+    use world::geometry::{Point, Point3, Pose};
     use world::map::{BoundarySegment, Lane, LaneKind, Map, MapId, RoadLine, RoadLineKind};
     use world::scene::AgentState;
     use world::vehicle::WHEELBASE;
@@ -187,6 +187,28 @@ mod tests {
         let against: Vec<Body> = (0..30).map(|step| av(-10.0 + 0.8 * f64::from(step), 0.3, 0.0)).collect();
         let travel = read(&map, &against).backward_travel;
         assert!((travel - 8.8).abs() < 0.05, "{travel}");
+    }
+
+    #[test]
+    fn the_seam_of_a_lane_that_goes_round_is_no_way_back() {
+        let at = |turn: f64| Point::unit(turn * std::f64::consts::TAU) * 12.0;
+        let centerline = (0..=100).map(|k| at(f64::from(k) / 100.0)).map(|p| Point3::new(p.x, p.y, 0.0)).collect();
+        let circle = Lane { centerline, ..lane(1, (0.0, 0.0), (1.0, 0.0)) };
+        let map = Map { lanes: vec![circle], ..Map::default() };
+        let drive = |sign: f64| {
+            let state = |step: i32| {
+                let turn = sign * (0.011 * f64::from(step) - 0.5);
+                let heading = (turn + 0.25 * sign) * std::f64::consts::TAU;
+                av(at(turn).x, at(turn).y, heading)
+            };
+            let states: Vec<Body> = (0..80).map(state).collect();
+            let lanes = lanes(&map);
+            let mut tracker = LaneTracker::default();
+            states.iter().map(|av| tracker.read(&lanes, av, WHEELBASE).backward_travel).collect::<Vec<_>>()
+        };
+        assert!(drive(1.0).iter().all(|back| *back < 1e-9), "{:?}", drive(1.0));
+        // Against it: 0.83 m a step, also across the seam.
+        assert!(drive(-1.0)[12..].iter().all(|back| (back - 11.0 * 0.829).abs() < 0.9), "{:?}", drive(-1.0));
     }
 
     #[test]

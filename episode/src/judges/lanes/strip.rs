@@ -209,6 +209,13 @@ impl Lanes {
         self.strips[lane].nearest_place(point).station
     }
 
+    /// Where a lane points, at its nearest place.
+    pub(super) fn direction(&self, lane: usize, point: Point) -> Point {
+        let strip = &self.strips[lane];
+        let along = strip.segment(strip.nearest_segment(point)).vector();
+        along * (1.0 / along.norm())
+    }
+
     /// The speed limit (m/s) for an AV in these lanes, 0 where it is not known: a lane's own; of connectors the largest of what they join,
     /// if all of that is known (nuPlan: `speed_limit_compliance.py`), and their own where they join nothing.
     pub(super) fn speed_limit(&self, lanes: &[usize]) -> f64 {
@@ -323,9 +330,12 @@ impl Strip {
 
     /// The place of `point`, however far away it is.
     fn nearest_place(&self, point: Point) -> Place {
+        self.place_at(self.nearest_segment(point), point, Point::default())
+    }
+
+    fn nearest_segment(&self, point: Point) -> usize {
         let distance = |index: &usize| self.segment(*index).nearest_to(point).distance_squared;
-        let nearest = (0..self.points.len() - 1).min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        self.place_at(nearest.unwrap_or(0), point, Point::default())
+        (0..self.points.len() - 1).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
     }
 
     fn segment(&self, index: usize) -> Segment {
