@@ -9,7 +9,7 @@ import math
 import numpy as np
 from nuplan.common.maps.abstract_map_objects import Lane, LaneConnector
 from nuplan.common.maps.maps_datatypes import SemanticMapLayer
-from shapely.geometry import LineString
+from shapely.geometry import LineString, Point, Polygon
 
 ALIGNED = math.cos(math.pi / 4)
 BESIDE_INTERSECTION = 5.0  # m
@@ -131,6 +131,7 @@ class World:
                 lane._linked = lambda key, lane=lane: [Own(lane)] if key == "exits" else []
         self.boxes = np.array([self._box(lane) for lane in seen["lanes"]]).reshape(-1, 4)
         self.edges = Edges(seen["edges"])
+        self.driveways = [Polygon(corners) for corners in seen["driveways"] if len(corners) > 2]
         self.off_route_distance = off_route_distance
         self.headings = {}
         self._found = {}
@@ -166,7 +167,7 @@ class World:
 
     def is_in_layer(self, point, layer):
         if layer == SemanticMapLayer.DRIVABLE_AREA:
-            return self.edges.beyond((point.x, point.y)) <= 0
+            return self._beyond(point) <= 0
         assert layer == SemanticMapLayer.INTERSECTION
         rows = self.holding(point)
         inside = [row for row in rows if row[1] == 0]
@@ -174,7 +175,13 @@ class World:
 
     def get_distance_to_nearest_map_object(self, point, layer):
         assert layer == SemanticMapLayer.DRIVABLE_AREA
-        return "", max(self.edges.beyond((point.x, point.y)), 0)
+        return "", max(self._beyond(point), 0)
+
+    def _beyond(self, point):
+        """How far beyond the road's edge; driveways are road."""
+        beyond = self.edges.beyond((point.x, point.y))
+        is_driveway = beyond > 0 and any(area.contains(Point(point.x, point.y)) for area in self.driveways)
+        return -beyond if is_driveway else beyond
 
     def get_map_object(self, object_id, _layer):
         return RoadBlock(self.lanes[int(object_id)], self.off_route_distance)

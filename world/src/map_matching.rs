@@ -15,8 +15,14 @@ pub struct LanePoints {
     lanes: Vec<u32>,
     headings: Vec<f64>,
     heights: Vec<f64>,
+    /// For each point its distance (m) along its lane.
+    stations: Vec<f64>,
     grid: PointGrid,
 }
+
+/// A lane whose ends are this near to each other (m), and point the same way within 60 degrees, is closed.
+const CLOSED_WITHIN: f64 = 2.0;
+const CLOSED_COSINE: f64 = 0.5;
 
 /// A point of a lane that a pose is matched to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,17 +40,18 @@ impl LanePoints {
     #[must_use]
     pub fn new(map: &Map, accept: impl Fn(usize) -> bool) -> Self {
         let (mut firsts, mut lanes, mut headings) = (vec![0], Vec::new(), Vec::new());
-        let (mut points, mut heights) = (Vec::new(), Vec::new());
+        let (mut points, mut heights, mut stations) = (Vec::new(), Vec::new(), Vec::new());
         for (index, lane) in map.lanes.iter().enumerate() {
             if accept(index) {
                 points.extend(lane.centerline.iter().map(|point| point.xy()));
                 heights.extend(lane.centerline.iter().map(|point| point.z));
                 headings.extend(lane_headings(&lane.centerline));
+                stations.extend(lane_stations(&lane.centerline));
                 lanes.resize(points.len(), index as u32);
             }
             firsts.push(points.len());
         }
-        Self { firsts, lanes, headings, heights, grid: PointGrid::new(points, 4.0) }
+        Self { firsts, lanes, headings, heights, stations, grid: PointGrid::new(points, 4.0) }
     }
 
     /// The authors' rule: of all points whose heading differs by at most [`HEADING_TOLERANCE`] the nearest; the first of
@@ -65,6 +72,24 @@ impl LanePoints {
     pub fn nearest(&self, pose: Pose, radius: f64, tolerance: f64) -> Option<LaneMatch> {
         let accept =
             |number: usize| crate::geometry::angle_difference(pose.heading, self.headings[number]).abs() <= tolerance;
+        let (number, distance) = self.grid.nearest_where(pose.position(), radius, accept)?;
+        Some(self.matched(number, distance))
+    }
+
+    /// The same of the points at about the height `ground` (m): nearer to it than `storey`.
+    #[must_use]
+    pub fn nearest_on_level(
+        &self,
+        pose: Pose,
+        radius: f64,
+        tolerance: f64,
+        ground: f64,
+        storey: f64,
+    ) -> Option<LaneMatch> {
+        let accept = |number: usize| {
+            crate::geometry::angle_difference(pose.heading, self.headings[number]).abs() <= tolerance
+                && (self.heights[number] - ground).abs() <= storey
+        };
         let (number, distance) = self.grid.nearest_where(pose.position(), radius, accept)?;
         Some(self.matched(number, distance))
     }
@@ -90,6 +115,26 @@ impl LanePoints {
         Point3::new(x, y, self.heights[number])
     }
 
+    /// Distance (m) along its lane, from the first point.
+    #[must_use]
+    pub fn station(&self, matched: &LaneMatch) -> f64 {
+        self.stations[self.firsts[matched.lane] + matched.point]
+    }
+
+    /// Length (m) of a lane that ends where it begins, on the same level and in the same direction; none of one that does not.
+    #[must_use]
+    pub fn closed_length(&self, lane: usize) -> Option<f64> {
+        let last = self.firsts[lane + 1].checked_sub(1).filter(|last| *last > self.firsts[lane])?;
+        let first = self.firsts[lane];
+        let gap = self.grid.points()[first].distance(self.grid.points()[last]);
+        let climb = (self.heights[first] - self.heights[last]).abs();
+        let turn = Point::unit(self.headings[first]).dot(Point::unit(self.headings[last]));
+        let length = self.stations[last] + gap;
+        // A lane that is as short as the gap has no round to it.
+        let is_closed = gap.max(climb) <= CLOSED_WITHIN && turn >= CLOSED_COSINE && length > 4.0 * CLOSED_WITHIN;
+        is_closed.then_some(length)
+    }
+
     fn matched(&self, number: usize, distance: f64) -> LaneMatch {
         let lane = self.lanes[number] as usize;
         LaneMatch { lane, point: number - self.firsts[lane], distance }
@@ -103,6 +148,15 @@ fn lane_headings(points: &[Point3]) -> Vec<f64> {
         headings.push(headings.last().copied().unwrap_or(0.0));
     }
     headings
+}
+
+/// The distance of each point along the lane (m).
+fn lane_stations(points: &[Point3]) -> impl Iterator<Item = f64> {
+    let mut station = 0.0;
+    points.iter().enumerate().map(move |(index, point)| {
+        station += index.checked_sub(1).map_or(0.0, |before| points[before].xy().distance(point.xy()));
+        station
+    })
 }
 
 fn authors_difference(a: f64, b: f64) -> f64 {

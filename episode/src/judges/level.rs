@@ -13,6 +13,9 @@ const REACH: f64 = 40.0;
 /// What of the map is of interest lies up to this far (m) beyond where the AV may go.
 const MARGIN: f64 = 35.0;
 
+/// A route that passes over itself is not farther (m) from a point on the one pass than on the other.
+const OVER_ITSELF: f64 = 10.0;
+
 /// Side of a grid cell (m).
 const CELL: f64 = 10.0;
 
@@ -41,18 +44,19 @@ impl Level {
         Self { grid: SegmentGrid::new([(0, points.iter().map(|point| point.xy()))], CELL), heights, bounds }
     }
 
-    /// The ground's height (m) where the route is nearest to `point`, if that is within reach.
-    #[must_use]
-    pub fn height(&self, point: Point) -> Option<f64> {
-        self.grid.nearest(point, REACH).map(|nearest| self.heights[nearest.segment])
-    }
-
-    /// Whether a point of the map is where the AV may come, and on its level.
+    /// Whether a point of the map is where the AV may come, and on its level: on one of them, where the route passes over itself.
     #[must_use]
     pub fn holds(&self, point: Point3) -> bool {
         let (least, greatest) = self.bounds;
-        match self.height(point.xy()) {
-            Some(height) => (height - point.z).abs() <= STOREY,
+        let is_level = |segment: usize| (self.heights[segment] - point.z).abs() <= STOREY;
+        match self.grid.nearest(point.xy(), REACH) {
+            Some(nearest) if is_level(nearest.segment) => true,
+            Some(nearest) => {
+                let mut other_pass = false;
+                let reach = nearest.distance() + OVER_ITSELF;
+                self.grid.for_each_near(point.xy(), reach, |segment| other_pass |= is_level(segment));
+                other_pass
+            }
             None => (least.x..=greatest.x).contains(&point.x) && (least.y..=greatest.y).contains(&point.y),
         }
     }

@@ -2,10 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use world::geometry::{Point, Segment};
+use world::geometry::{Point, Point3, Segment};
 use world::map::MapId;
 use world::scene::bridged::Bridged;
 use world::signal::Signal;
+
+use super::STOREY;
 
 /// A crossing further to the side than this (m) is of another lane.
 const HALF_WIDTH: f64 = 2.5;
@@ -25,6 +27,8 @@ pub struct RedStop {
     pub known: bool,
     point: Point,
     direction: Point,
+    /// Height of its lane there (m).
+    height: f64,
 }
 
 impl RedStop {
@@ -60,11 +64,11 @@ impl RedStops {
         let stop = |signal: &Signal, step: usize| {
             let lane = &scene.map().lanes[*lanes.get(&signal.lane)?];
             let point = signal.stop_point.xy();
-            let direction = direction_at(lane.centerline.iter().map(|point| point.xy()), point)?;
+            let (direction, height) = way_at(&lane.centerline, point)?;
             // Before the log began nobody knows.
             let known =
                 bridged.signal_known_for(signal.lane, step).is_some_and(|steps| steps >= REACTION.min(step as u32 + 1));
-            Some(RedStop { lane: signal.lane, known, point, direction })
+            Some(RedStop { lane: signal.lane, known, point, direction, height })
         };
         let steps = (0..scene.steps()).map(|step| {
             let signals = scene.signals(step).iter();
@@ -75,33 +79,45 @@ impl RedStops {
     }
 
     /// The stops that a front bumper crosses on its `way` from before a step to after it, at `log_index`. They must show red at
-    /// both ends of the step: who enters on yellow is not blamed.
-    pub fn crossed(&self, log_index: usize, way: Segment) -> impl Iterator<Item = &RedStop> {
+    /// both ends of the step: who enters on yellow is not blamed. The ground is at the height `ground` (m).
+    pub fn crossed(&self, log_index: usize, way: Segment, ground: f64) -> impl Iterator<Item = &RedStop> {
         let at = |index: Option<usize>| index.and_then(|index| self.steps.get(index)).map_or(&[][..], Vec::as_slice);
         let (before, after) = (at(log_index.checked_sub(1)), at(Some(log_index)));
         let still_red = |stop: &&RedStop| before.iter().any(|earlier| earlier.lane == stop.lane);
-        after.iter().filter(still_red).filter(move |stop| stop.is_crossed(way.start, way.end))
+        let is_level = move |stop: &&RedStop| (stop.height - ground).abs() <= STOREY;
+        after.iter().filter(still_red).filter(is_level).filter(move |stop| stop.is_crossed(way.start, way.end))
     }
 }
 
-/// The unit vector along the line where it is nearest to `point`.
-fn direction_at(line: impl Iterator<Item = Point>, point: Point) -> Option<Point> {
-    let points: Vec<Point> = line.collect();
-    let segments = points.windows(2).map(|pair| Segment { start: pair[0], end: pair[1] });
-    let nearest = segments
-        .filter(|segment| segment.length() > 0.0)
-        .map(|segment| (segment, segment.nearest_to(point).distance_squared))
+/// The unit vector along a lane, and its height (m), where it is nearest to `point`.
+fn way_at(line: &[Point3], point: Point) -> Option<(Point, f64)> {
+    let segments = line.windows(2).map(|pair| (Segment { start: pair[0].xy(), end: pair[1].xy() }, pair[0].z));
+    let ((segment, height), _) = segments
+        .filter(|(segment, _)| segment.length() > 0.0)
+        .map(|(segment, height)| ((segment, height), segment.nearest_to(point).distance_squared))
         .reduce(|best, other| if other.1 < best.1 { other } else { best })?;
-    let along = nearest.0.vector();
-    Some(along * (1.0 / along.norm()))
+    let along = segment.vector();
+    Some((along * (1.0 / along.norm()), height))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const STOP: RedStop =
-        RedStop { lane: MapId(1), known: true, point: Point::new(10.0, 0.0), direction: Point::new(1.0, 0.0) };
+    const STOP: RedStop = RedStop {
+        lane: MapId(1),
+        known: true,
+        point: Point::new(10.0, 0.0),
+        direction: Point::new(1.0, 0.0),
+        height: 0.0,
+    };
+
+    #[test]
+    fn a_stop_point_on_another_level_stops_nobody() {
+        let stops = RedStops { steps: vec![vec![STOP]; 2] };
+        let way = Segment { start: Point::new(9.9, 0.5), end: Point::new(10.1, 0.5) };
+        assert_eq!([0.0, 6.0].map(|ground| stops.crossed(1, way, ground).count()), [1, 0]);
+    }
 
     #[test]
     fn the_bumper_must_cross_the_stop_point_in_the_lane_and_in_its_direction() {
@@ -117,10 +133,10 @@ mod tests {
         let stops =
             |red: [bool; 2]| RedStops { steps: red.map(|red| if red { vec![STOP] } else { Vec::new() }).to_vec() };
         let way = Segment { start: Point::new(9.9, 0.0), end: Point::new(10.1, 0.0) };
-        let crossed = |red| stops(red).crossed(1, way).count() == 1;
+        let crossed = |red| stops(red).crossed(1, way, 0.0).count() == 1;
         assert!(crossed([true, true]) && !crossed([false, true]) && !crossed([true, false]));
-        assert_eq!(stops([true, true]).crossed(0, way).count(), 0, "nobody knows how it came to the first step");
-        assert_eq!(stops([true, true]).crossed(7, way).count(), 0, "the log is over");
+        assert_eq!(stops([true, true]).crossed(0, way, 0.0).count(), 0, "nobody knows how it came to the first step");
+        assert_eq!(stops([true, true]).crossed(7, way, 0.0).count(), 0, "the log is over");
     }
 
     #[test]

@@ -107,7 +107,8 @@ impl Course {
 
     /// The stops that an AV so read crosses at red at `log_index`.
     pub(super) fn red_stops_crossed(&self, log_index: usize, reading: &Reading) -> impl Iterator<Item = &RedStop> {
-        reading.front_way.into_iter().flat_map(move |way| self.red_stops.crossed(log_index, way))
+        let ground = self.route.line.z[reading.sample];
+        reading.front_way.into_iter().flat_map(move |way| self.red_stops.crossed(log_index, way, ground))
     }
 }
 
@@ -142,9 +143,9 @@ impl Reader {
         self.follower.follow(&course.route, pose, ground, course.off_route_distance)
     }
 
-    /// What the lanes alone say of the AV.
-    pub fn read_lanes(&mut self, course: &Course, av: &Body) -> LaneReading {
-        self.lanes.read(&course.lanes, av, course.wheelbase)
+    /// What the lanes alone say of the AV, which was followed to `sample` of the line.
+    pub fn read_lanes(&mut self, course: &Course, av: &Body, sample: usize) -> LaneReading {
+        self.lanes.read(&course.lanes, av, course.wheelbase, course.route.line.z[sample])
     }
 
     /// The reading of the AV, which was followed to `at`.
@@ -154,8 +155,8 @@ impl Reader {
         let Followed { sample, distance: route_distance, skipped } = at;
         let offset = center - line.point(sample);
         let forward = Point::unit(line.heading[sample]);
-        let lane = self.read_lanes(course, av);
-        let beyond = course.edges.beyond(av);
+        let lane = self.read_lanes(course, av, sample);
+        let beyond = course.edges.beyond(av, line.z[sample]);
         let front = av.outline.front();
         let front_way = self.front.replace(front).map(|start| Segment { start, end: front });
         let outside =

@@ -270,8 +270,8 @@ fn lane_faults(
     }
     let driven = || present().filter(|(index, _)| drive.contains(index));
     let mut reader = Reader::default();
-    for (index, (body, _)) in driven() {
-        faults[index].add(body.speed, told(&reader.read_lanes(course, body)));
+    for (index, (body, reading)) in driven() {
+        faults[index].add(body.speed, told(&reader.read_lanes(course, body, reading.sample)));
     }
     for ((index, (body, _)), settled) in driven().zip(reader.settle(course)) {
         faults[index].add(body.speed, settled);

@@ -8,7 +8,7 @@ use episode::protocol::{Protocol, StrictSettings};
 use episode::strict::course::Course;
 use scenarios::SceneSet;
 use serde_json::{Value, json};
-use world::geometry::Point;
+use world::geometry::{Point, Point3};
 use world::route::{Route, RouteStyle};
 use world::scene::bridged::Bridged;
 use world::scene::{AgentState, Scene};
@@ -35,6 +35,7 @@ pub fn seen(logged: &Arc<Scene>, settings: &StrictSettings) -> Result<Value, Err
         json!({ "id": track.id.0, "kind": track.kind.to_string(), "states": states })
     });
     let line = |points: &[Point]| points.iter().map(|p| [p.x, p.y]).collect::<Vec<_>>();
+    let flat = |points: &[Point3]| points.iter().map(|p| [p.x, p.y]).collect::<Vec<_>>();
     let lanes = course.lanes().strips().iter().map(|strip| {
         json!({
             "line": line(&strip.points),
@@ -45,7 +46,9 @@ pub fn seen(logged: &Arc<Scene>, settings: &StrictSettings) -> Result<Value, Err
             "connector": strip.connector,
         })
     });
-    let edges: Vec<_> = road::chains(scene.map(), course.level()).iter().map(|chain| line(chain)).collect();
+    let edges: Vec<_> = road::chains(scene.map(), course.level()).iter().map(|chain| flat(chain)).collect();
+    let on_level = scene.map().driveways.iter().filter(|area| area.polygon.iter().any(|at| course.level().holds(*at)));
+    let driveways: Vec<_> = on_level.map(|area| flat(&area.polygon)).collect();
     Ok(json!({
         "id": scene.id().to_string(),
         "start": start,
@@ -56,5 +59,6 @@ pub fn seen(logged: &Arc<Scene>, settings: &StrictSettings) -> Result<Value, Err
         "tracks": tracks.collect::<Vec<_>>(),
         "lanes": lanes.collect::<Vec<_>>(),
         "edges": edges,
+        "driveways": driveways,
     }))
 }

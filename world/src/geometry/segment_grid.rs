@@ -102,9 +102,15 @@ impl SegmentGrid {
     /// The segment nearest to `point`, if one is within `radius` metres (inclusive).
     #[must_use]
     pub fn nearest(&self, point: Point, radius: f64) -> Option<NearestSegment> {
+        self.nearest_where(point, radius, |_| true)
+    }
+
+    /// The same of the segments whose numbers are accepted.
+    #[must_use]
+    pub fn nearest_where(&self, point: Point, radius: f64, accept: impl Fn(usize) -> bool) -> Option<NearestSegment> {
         let mut best = (radius * radius, NONE);
         self.cells.walk_outwards(point, best.0, |members| {
-            for member in members {
+            for member in members.iter().filter(|member| accept(**member as usize)) {
                 let distance_squared = self.segments[*member as usize].segment.nearest_to(point).distance_squared;
                 if distance_squared < best.0 || (distance_squared == best.0 && *member < best.1) {
                     best = (distance_squared, *member);

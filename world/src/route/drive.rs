@@ -18,6 +18,14 @@ const HEADING_UNIT: f64 = 0.3;
 const HEIGHT_UNIT: f64 = 2.0;
 const OFF_LANES: f64 = 12.0;
 
+/// Points of a lane that are farther apart along it than this (m), and both near a pose, are of two passes: a ramp that winds up, a
+/// circle that is driven round more than once.
+const PASS: f64 = 10.0;
+
+/// Who moved so far (m) from one place to the next got no farther along its lane than twice that and [`BEND`] (m): it may have been
+/// unseen in a bend. What lies farther ahead is another pass.
+const BEND: f64 = 15.0;
+
 /// Candidates of a pose at most: no street has more, and a hostile map may.
 const MOST_CANDIDATES: usize = 32;
 
@@ -87,9 +95,11 @@ fn choose_lanes(places: &mut [Place], graph: &LaneGraph, points: &LanePoints) {
     let Some(first) = candidates.first() else { return };
     let mut costs: Vec<f64> = first.iter().map(|candidate| candidate.cost).collect();
     let mut came_from: Vec<Vec<usize>> = Vec::with_capacity(places.len());
-    for pair in candidates.windows(2) {
+    for (pair, places) in candidates.windows(2).zip(places.windows(2)) {
+        let moved = places[1].driven - places[0].driven;
         let reach = |to: &Candidate| {
-            let total = |(from, cost): (&Candidate, &f64)| cost + link(&from.lane, &to.lane, graph).cost();
+            let total =
+                |(from, cost): (&Candidate, &f64)| cost + link(&from.lane, &to.lane, moved, graph, points).cost();
             let totals: Vec<f64> = pair[0].iter().zip(&costs).map(total).collect();
             let best = cheapest(&totals);
             (best, totals[best] + to.cost)
@@ -111,7 +121,8 @@ fn cheapest(costs: &[f64]) -> usize {
     (1..costs.len()).fold(0, |best, index| if costs[index] < costs[best] { index } else { best })
 }
 
-/// For each lane nearby its nearest point, with what it costs to be there; and to be on none. Lanes in the map's order.
+/// For each lane nearby, and each time that it passes, its nearest point, with what it costs to be there; and to be on none. Lanes in
+/// the map's order, passes in the lane's.
 fn candidates(place: &Place, points: &LanePoints) -> Vec<Candidate> {
     let turn = |near: &LaneMatch| angle_difference(place.pose.heading, points.heading(near));
     let mut found: Vec<LaneMatch> = Vec::new();
@@ -120,8 +131,10 @@ fn candidates(place: &Place, points: &LanePoints) -> Vec<Candidate> {
             found.push(near);
         }
     });
-    found.sort_by(|a, b| a.lane.cmp(&b.lane).then(a.distance.total_cmp(&b.distance)).then(a.point.cmp(&b.point)));
-    found.dedup_by_key(|near| near.lane);
+    found.sort_by_key(|near| (near.lane, near.point));
+    let is_one_pass = |a: &LaneMatch, b: &LaneMatch| a.lane == b.lane && points.station(b) - points.station(a) <= PASS;
+    let nearest = |pass: &[LaneMatch]| pass.iter().copied().min_by(|a, b| a.distance.total_cmp(&b.distance));
+    let found = found.chunk_by(is_one_pass).filter_map(nearest);
     let on = |near: LaneMatch| {
         let offsets = [
             near.distance / DISTANCE_UNIT,
@@ -130,7 +143,7 @@ fn candidates(place: &Place, points: &LanePoints) -> Vec<Candidate> {
         ];
         Candidate { lane: Some(near), cost: offsets.iter().map(|offset| offset * offset).sum() }
     };
-    let mut candidates: Vec<Candidate> = found.into_iter().map(on).collect();
+    let mut candidates: Vec<Candidate> = found.map(on).collect();
     if candidates.len() > MOST_CANDIDATES {
         candidates.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         candidates.truncate(MOST_CANDIDATES);
@@ -139,9 +152,16 @@ fn candidates(place: &Place, points: &LanePoints) -> Vec<Candidate> {
     candidates
 }
 
-/// How one lane point leads to the next. On the same lane a step back by a point is none: the nearest one flickers.
+/// How one lane point leads to the next, for who `moved` so far (m) between them. On the same lane a step back by a point is none:
+/// the nearest one flickers; nor is the step over the ends of a lane that is closed.
 /// A lane so short that no pose fell on it may lie between two.
-pub(super) fn link(from: &Option<LaneMatch>, to: &Option<LaneMatch>, graph: &LaneGraph) -> Link {
+pub(super) fn link(
+    from: &Option<LaneMatch>,
+    to: &Option<LaneMatch>,
+    moved: f64,
+    graph: &LaneGraph,
+    points: &LanePoints,
+) -> Link {
     let (from, to) = match (from, to) {
         (None, None) => return Link::On,
         (Some(from), Some(to)) => (from, to),
@@ -149,7 +169,12 @@ pub(super) fn link(from: &Option<LaneMatch>, to: &Option<LaneMatch>, graph: &Lan
     };
     let next = graph.successors(from.lane);
     let leads_on = if from.lane == to.lane {
-        to.point + 1 >= from.point
+        let along = points.station(to) - points.station(from);
+        let reach = 2.0 * moved + BEND;
+        let is_beside = to.point.abs_diff(from.point) <= 1;
+        let comes_round =
+            points.closed_length(from.lane).is_some_and(|length| along.abs() > reach && along + length <= reach);
+        is_beside || (0.0..=reach).contains(&along) || comes_round
     } else {
         next.contains(&to.lane) || next.iter().any(|lane| graph.successors(*lane).contains(&to.lane))
     };

@@ -14,6 +14,9 @@ const PAPER_PADDING: f64 = 0.001;
 const LANE_HEADING: f64 = std::f64::consts::FRAC_PI_4;
 const LANE_DISTANCE: f64 = 5.0;
 
+/// Heights further apart than this (m) are of different levels.
+const STOREY: f64 = 3.0;
+
 /// The line through `waypoints`, and the lane of each sample, of the route's `lanes`.
 pub(super) fn build(
     map: &Map,
@@ -46,12 +49,12 @@ pub(super) fn build(
         let (from, to) = (waypoints[piece].point.z, waypoints[piece + 1].point.z);
         line.z.push(from + (to - from) * fraction);
     }
-    let sample_lanes = lanes_of_samples(map, lanes, &line);
+    let sample_lanes = lanes_of_samples(map, style, lanes, &line);
     let limit = |lane: &Option<usize>| lane.and_then(|lane| map.lanes[lane].speed_limit()).unwrap_or(0.0);
     line.speed_limit = sample_lanes.iter().map(limit).collect();
     line.crosswalk = (0..line.len()).map(|_| false).collect();
     for area in &map.crosswalks {
-        mark(&mut line, area);
+        mark(&mut line, style, area);
     }
     Ok((line, sample_lanes))
 }
@@ -62,17 +65,23 @@ fn parameters_by_chord(end: f64) -> Vec<f64> {
     (0..count).map(|index| index as f64 * SAMPLE_SPACING).collect()
 }
 
-fn lanes_of_samples(map: &Map, lanes: &[usize], line: &ReferenceLine) -> Vec<Option<usize>> {
+fn lanes_of_samples(map: &Map, style: RouteStyle, lanes: &[usize], line: &ReferenceLine) -> Vec<Option<usize>> {
     let points = LanePoints::new(map, |lane| lanes.contains(&lane));
     let lane = |index: usize| {
         let Pose { x, y, heading } = line.pose(index);
-        points.nearest(Pose::new(x, y, heading), LANE_DISTANCE, LANE_HEADING).map(|matched| matched.lane)
+        let pose = Pose::new(x, y, heading);
+        let nearest = match style {
+            RouteStyle::Paper => points.nearest(pose, LANE_DISTANCE, LANE_HEADING),
+            RouteStyle::Strict => points.nearest_on_level(pose, LANE_DISTANCE, LANE_HEADING, line.z[index], STOREY),
+        };
+        nearest.map(|matched| matched.lane)
     };
     (0..line.len()).map(lane).collect()
 }
 
-/// Marks the samples strictly inside a crosswalk.
-fn mark(line: &mut ReferenceLine, area: &Area) {
+/// Marks the samples strictly inside a crosswalk; of the strict line those on its level.
+fn mark(line: &mut ReferenceLine, style: RouteStyle, area: &Area) {
+    let is_on_level = |z: f64| style == RouteStyle::Paper || area.polygon.iter().any(|p| (p.z - z).abs() <= STOREY);
     let corners = || area.polygon.iter().map(|corner| corner.xy());
     let span = |values: &mut dyn Iterator<Item = f64>| {
         values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
@@ -82,7 +91,7 @@ fn mark(line: &mut ReferenceLine, area: &Area) {
     for index in 0..line.len() {
         let point = line.point(index);
         let near = (left..=right).contains(&point.x) && (bottom..=top).contains(&point.y);
-        if near && polygon_contains(corners(), point) {
+        if near && is_on_level(line.z[index]) && polygon_contains(corners(), point) {
             line.crosswalk[index] = true;
         }
     }

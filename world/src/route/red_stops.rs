@@ -19,6 +19,9 @@ const SAME_PASS: u32 = 50;
 /// Where the route passes a stop point more than once, those passes are stopped that go the lane's way, within 60 degrees.
 const LANES_WAY: f64 = 0.5;
 
+/// Heights further apart than this (m) are of different levels.
+const STOREY: f64 = 3.0;
+
 /// A stop point that rules the route.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RouteStop {
@@ -111,7 +114,7 @@ fn rows_within(samples: &PointGrid, point: Point) -> Vec<u32> {
 }
 
 /// The nearest row of each pass that goes the lane's way, if it lies [`BESIDE`] the stop point; the nearest of all if none does.
-fn rows_of_passes(samples: &PointGrid, line: &ReferenceLine, point: Point, way: Option<Point>) -> Vec<u32> {
+fn rows_of_passes(samples: &PointGrid, line: &ReferenceLine, point: Point, way: Option<(Point, f64)>) -> Vec<u32> {
     let mut near: Vec<u32> = Vec::new();
     samples.for_each_near(point, BESIDE, |row| near.push(row as u32));
     near.sort_unstable();
@@ -119,17 +122,24 @@ fn rows_of_passes(samples: &PointGrid, line: &ReferenceLine, point: Point, way: 
     let passes = near.chunk_by(|a, b| b - a < SAME_PASS);
     let nearest = passes.filter_map(|pass| pass.iter().copied().min_by(|a, b| distance(a).total_cmp(&distance(b))));
     let rows: Vec<u32> = nearest.collect();
-    let goes = |row: &u32| way.is_none_or(|way| Point::unit(line.heading[*row as usize]).dot(way) > LANES_WAY);
+    let goes = |row: &u32| {
+        let row = *row as usize;
+        way.is_none_or(|(way, height)| {
+            Point::unit(line.heading[row]).dot(way) > LANES_WAY && (line.z[row] - height).abs() <= STOREY
+        })
+    };
     let stopped: Vec<u32> = rows.into_iter().filter(goes).collect();
     if stopped.is_empty() { row_beside(samples, point, BESIDE) } else { stopped }
 }
 
-/// The lane's direction where it is nearest to `point`.
-fn way_at(lane: &Lane, point: Point) -> Option<Point> {
-    let segments = lane.centerline.windows(2).map(|pair| Segment { start: pair[0].xy(), end: pair[1].xy() });
+/// The lane's direction and height (m) where it is nearest to `point`.
+fn way_at(lane: &Lane, point: Point) -> Option<(Point, f64)> {
+    let segments =
+        lane.centerline.windows(2).map(|pair| (Segment { start: pair[0].xy(), end: pair[1].xy() }, pair[0].z));
     let apart = |segment: &Segment| segment.nearest_to(point).distance_squared;
-    let nearest = segments.filter(|segment| segment.length() > 0.0).min_by(|a, b| apart(a).total_cmp(&apart(b)))?;
-    Some(nearest.vector() * (1.0 / nearest.length()))
+    let (nearest, height) =
+        segments.filter(|(segment, _)| segment.length() > 0.0).min_by(|a, b| apart(&a.0).total_cmp(&apart(&b.0)))?;
+    Some((nearest.vector() * (1.0 / nearest.length()), height))
 }
 
 /// The nearest row, if it lies within `reach` metres.

@@ -1,5 +1,7 @@
 //! The mended waypoints: places on the lanes that were driven, and on those behind and ahead, that only lead forward.
 
+use std::collections::BTreeMap;
+
 use super::Waypoint;
 use super::drive::{Link, Place, drive, link};
 use crate::geometry::{Point, Point3, angle_difference};
@@ -70,10 +72,13 @@ pub(super) fn waypoints(scene: &Scene) -> (Vec<Waypoint>, Vec<usize>) {
 impl Lanes<'_> {
     /// Marks along the drive, the first place's always among them.
     fn along(&self, places: &[Place]) -> Vec<Mark> {
-        let margin = |pair: &[Place]| match link(&pair[0].lane, &pair[1].lane, &self.graph) {
-            Link::On => None,
-            Link::Leave => Some(LEAVE_MARGIN),
-            Link::Change | Link::Jump => Some(CHANGE_MARGIN),
+        let margin = |pair: &[Place]| {
+            let moved = pair[1].driven - pair[0].driven;
+            match link(&pair[0].lane, &pair[1].lane, moved, &self.graph, &self.points) {
+                Link::On => None,
+                Link::Leave => Some(LEAVE_MARGIN),
+                Link::Change | Link::Jump => Some(CHANGE_MARGIN),
+            }
         };
         let changes: Vec<(f64, f64)> = places
             .windows(2)
@@ -100,11 +105,11 @@ impl Lanes<'_> {
     fn behind(&self, first: &Place, first_mark: &Mark) -> (Vec<Mark>, Vec<usize>) {
         let Some(start) = first.lane else { return (vec![straight(first, -STRAIGHT)], Vec::new()) };
         let before = |lane: usize| {
-            let linked = self.graph.predecessors(lane).iter().copied();
+            let linked = self.graph.predecessors(lane).iter().copied().chain(self.itself(lane));
             self.straightest(linked.map(|from| (from, (from, lane))))
         };
-        let points = |lane: usize| {
-            let end = if lane == start.lane { start.point } else { self.map.lanes[lane].centerline.len() };
+        let points = |lane: usize, is_first: bool| {
+            let end = if is_first { start.point } else { self.map.lanes[lane].centerline.len() };
             (0..end).rev().collect()
         };
         let (walked, mut lanes) = self.walk(start.lane, BEHIND, points, before);
@@ -125,29 +130,40 @@ impl Lanes<'_> {
     fn ahead(&self, last: &Place) -> (Vec<Mark>, Vec<usize>) {
         let Some(end) = last.lane else { return (vec![straight(last, STRAIGHT)], Vec::new()) };
         let after = |lane: usize| {
-            let linked = self.graph.successors(lane).iter().copied();
+            let linked = self.graph.successors(lane).iter().copied().chain(self.itself(lane));
             self.straightest(linked.map(|to| (to, (lane, to))))
         };
-        let points = |lane: usize| {
-            let begin = if lane == end.lane { end.point } else { 0 };
+        let points = |lane: usize, is_first: bool| {
+            let begin = if is_first { end.point } else { 0 };
             (begin..self.map.lanes[lane].centerline.len()).collect()
         };
         self.walk(end.lane, AHEAD, points, after)
     }
 
-    /// Follows lanes from `start` until their points reach `reach` metres; no lane is followed twice.
+    /// The lane itself, if it is closed: it leads on to its own beginning where the map names nothing else.
+    fn itself(&self, lane: usize) -> Option<usize> {
+        self.points.closed_length(lane).map(|_| lane)
+    }
+
+    /// Follows lanes from `start` until their points reach `reach` metres. A ring is followed round and round; lanes without length
+    /// that lead into each other are followed once.
     fn walk(
         &self,
         start: usize,
         reach: f64,
-        points: impl Fn(usize) -> Vec<usize>,
+        points: impl Fn(usize, bool) -> Vec<usize>,
         next: impl Fn(usize) -> Option<usize>,
     ) -> (Vec<Mark>, Vec<usize>) {
         let (mut marks, mut lanes): (Vec<Mark>, Vec<usize>) = (Vec::new(), Vec::new());
         let (mut following, mut walked) = (Some(start), 0.0);
-        while let Some(lane) = following.filter(|lane| !lanes.contains(lane)) {
+        // For each lane how far the walk was when it last came by.
+        let mut came_by: BTreeMap<usize, f64> = BTreeMap::new();
+        while let Some(lane) = following {
+            if came_by.insert(lane, walked).is_some_and(|before| walked - before < WAYPOINT_SPACING) {
+                break;
+            }
             lanes.push(lane);
-            for mark in points(lane).into_iter().map(|point| self.lane_mark(lane, point)) {
+            for mark in points(lane, lanes.len() == 1).into_iter().map(|point| self.lane_mark(lane, point)) {
                 walked += marks.last().map_or(0.0, |last| distance(last, &mark));
                 if walked > reach {
                     return (marks, lanes);

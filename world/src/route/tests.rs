@@ -152,6 +152,79 @@ fn a_ring_of_lanes_ends() {
     assert!(route.line.len() > 100 && route.line.curvature.iter().all(|curvature| curvature.is_finite()));
 }
 
+/// One lane around the origin, with a radius of 12 m, that rises by so many metres a turn; not linked to itself.
+fn ring(turns: f64, rise: f64) -> Lane {
+    let points = 120.0 * turns;
+    let at = |step: u32| {
+        let turn = turns * f64::from(step) / points;
+        let (y, x) = libm::sincos(turn * std::f64::consts::TAU);
+        Point3::new(12.0 * x, 12.0 * y, 2.0 + rise * turn)
+    };
+    Lane { centerline: (0..=points as u32).map(at).collect(), ..lane(1, &[], &[], &[]) }
+}
+
+/// Poses around the origin from a quarter turn on.
+fn round(turns: f64) -> impl Iterator<Item = Pose> {
+    let steps = (turns * 75.4) as u32;
+    (0..=steps).map(move |step| {
+        let angle = (0.25 + turns * f64::from(step) / f64::from(steps)) * std::f64::consts::TAU;
+        let (y, x) = libm::sincos(angle);
+        Pose::new(12.0 * x, 12.0 * y, angle + std::f64::consts::FRAC_PI_2)
+    })
+}
+
+/// By how much the line turns to the left in all (turns), and its longest step (m).
+fn turned(route: &Route) -> (f64, f64) {
+    let line = &route.line;
+    let steps = || (1..line.len()).map(|at| (at - 1, at));
+    let turn: f64 = steps().map(|(a, b)| crate::geometry::angle_difference(line.heading[a], line.heading[b])).sum();
+    let longest = steps().map(|(a, b)| line.point(a).distance(line.point(b))).fold(0.0, f64::max);
+    (turn / std::f64::consts::TAU, longest)
+}
+
+#[test]
+fn a_lane_that_is_a_whole_circle_is_driven_round_as_often_as_the_log_does() {
+    for turns in [0.5, 1.0, 1.4, 2.3] {
+        let route = strict(Map { lanes: vec![ring(1.0, 0.0)], ..Map::default() }, round(turns));
+        let (turned, longest) = turned(&route);
+        // What lies ahead of the log goes round too: 200 m at most.
+        assert!(
+            turned >= turns && turned < turns + 3.5 && longest < 0.2,
+            "{turns}: {turned} turns, steps of {longest} m"
+        );
+        let farthest = (0..route.line.len()).map(|at| (route.line.point(at).norm() - 12.0).abs()).fold(0.0, f64::max);
+        assert!(farthest < 0.3, "{turns}: {farthest} m off the circle");
+    }
+}
+
+#[test]
+fn a_lane_that_winds_up_is_followed_upwards() {
+    let map = Map { lanes: vec![ring(3.0, 6.0)], ..Map::default() };
+    let mut scene = scene_with(map, round(1.5), &[]).into_parts();
+    let count = scene.tracks[0].states.len() as f64;
+    for (step, state) in scene.tracks[0].states.iter_mut().enumerate() {
+        // From a quarter turn of the second storey on.
+        state.iter_mut().for_each(|state| state.z = 2.75 + 6.0 * (1.25 + 1.5 * step as f64 / count));
+    }
+    let route = Route::of_log(&scene.check().unwrap().0, RouteStyle::Strict).unwrap();
+    let rises = route.line.z.windows(2).all(|pair| pair[1] >= pair[0] - 1e-6);
+    assert!(rises && turned(&route).1 < 0.2, "{:?}", turned(&route));
+}
+
+#[test]
+fn what_lies_on_a_bridge_rules_nobody_below() {
+    let mut map = road();
+    let mut above = lane(7, &[(0.0, 0.5), (300.0, 0.5)], &[], &[]);
+    above.centerline.iter_mut().for_each(|point| point.z += 8.0);
+    map.lanes.insert(0, above);
+    let corners = [(120.0, -5.0), (124.0, -5.0), (124.0, 5.0), (120.0, 5.0)];
+    let polygon = corners.iter().map(|(x, y)| Point3::new(*x, *y, 10.0)).collect();
+    map.crosswalks.push(Area { id: MapId(90), polygon });
+    let route = strict(map, east(50.0, 10.0, 0.5));
+    assert!(!route.line.crosswalk.contains(&true));
+    assert!(route.line.speed_limit.iter().all(|limit| *limit < 31.0 * 0.447_04), "that of lane 7 is 70 mph");
+}
+
 #[test]
 fn a_lane_of_one_point_on_the_way_does_no_harm() {
     let mut map = road();

@@ -48,20 +48,21 @@ pub struct LaneTracker {
 }
 
 impl LaneTracker {
-    /// The reading at the next step, of an AV whose axles are `wheelbase` (m) apart.
-    pub fn read(&mut self, lanes: &Lanes, av: &Body, wheelbase: f64) -> LaneReading {
+    /// The reading at the next step, of an AV whose axles are `wheelbase` (m) apart, on ground at the height `ground` (m).
+    pub fn read(&mut self, lanes: &Lanes, av: &Body, wheelbase: f64, ground: f64) -> LaneReading {
         let forward = av.outline.forward;
         let center = av.outline.center;
-        let Driven { backward_travel, speed_limit } = self.driven.read(lanes, center, &lanes.holding(center, forward));
+        let held = lanes.holding(center, ground, forward);
+        let Driven { backward_travel, speed_limit } = self.driven.read(lanes, center, &held);
         let places = av.outline.corners();
-        let corners = self.corners.read(lanes, &places.map(|corner| lanes.holding(corner, forward)));
+        let corners = self.corners.read(lanes, &places.map(|corner| lanes.holding(corner, ground, forward)));
         let outside = |corner: usize| {
             let from_centre = self.driven.now().iter().map(|lane| lanes.distance(*lane, places[corner]));
             if corners[corner].is_empty() { from_centre.fold(f64::INFINITY, f64::min) } else { 0.0 }
         };
         LaneReading {
             in_one_lane: in_one_lane(lanes, &corners),
-            in_intersection: lanes.is_intersection(av.rear_axle(wheelbase)),
+            in_intersection: lanes.is_intersection(av.rear_axle(wheelbase), ground),
             backward_travel,
             speed_limit,
             corners_outside: std::array::from_fn(outside),
@@ -109,7 +110,7 @@ mod tests {
     fn read(map: &Map, at: &[Body]) -> LaneReading {
         let lanes = lanes(map);
         let mut tracker = LaneTracker::default();
-        at.iter().map(|av| tracker.read(&lanes, av, WHEELBASE)).last().unwrap_or_default()
+        at.iter().map(|av| tracker.read(&lanes, av, WHEELBASE, 0.0)).last().unwrap_or_default()
     }
 
     #[test]
@@ -190,6 +191,19 @@ mod tests {
     }
 
     #[test]
+    fn a_lane_on_a_bridge_holds_nobody_below_and_makes_no_intersection() {
+        let mut bridge = lane(2, (0.0, -20.0), (0.0, 20.0));
+        bridge.centerline.iter_mut().for_each(|point| point.z = 6.0);
+        let map = Map { lanes: vec![lane(1, (-20.0, 0.0), (20.0, 0.0)), bridge], ..Map::default() };
+        // The route goes over both.
+        let route = [(-60.0, 0.0, 0.0), (60.0, 0.0, 0.0), (30.0, -30.0, 6.0), (0.0, -20.0, 6.0), (0.0, 60.0, 6.0)];
+        let lanes = Lanes::of(&map, &Level::along(&route.map(|(x, y, z)| Point3::new(x, y, z)), 5.0));
+        let at = |ground| LaneTracker::default().read(&lanes, &av(0.0, 0.0, 0.0), WHEELBASE, ground);
+        assert_eq!((lanes.strips().len(), at(0.0).in_intersection, at(6.0).in_intersection), (2, false, false));
+        assert!(at(0.0).in_one_lane && !at(6.0).in_one_lane, "above, the car lies across a lane");
+    }
+
+    #[test]
     fn the_seam_of_a_lane_that_goes_round_is_no_way_back() {
         let at = |turn: f64| Point::unit(turn * std::f64::consts::TAU) * 12.0;
         let centerline = (0..=100).map(|k| at(f64::from(k) / 100.0)).map(|p| Point3::new(p.x, p.y, 0.0)).collect();
@@ -204,7 +218,7 @@ mod tests {
             let states: Vec<Body> = (0..80).map(state).collect();
             let lanes = lanes(&map);
             let mut tracker = LaneTracker::default();
-            states.iter().map(|av| tracker.read(&lanes, av, WHEELBASE).backward_travel).collect::<Vec<_>>()
+            states.iter().map(|av| tracker.read(&lanes, av, WHEELBASE, 0.0).backward_travel).collect::<Vec<_>>()
         };
         assert!(drive(1.0).iter().all(|back| *back < 1e-9), "{:?}", drive(1.0));
         // Against it: 0.83 m a step, also across the seam.
@@ -249,7 +263,7 @@ mod tests {
         let heading = libm::atan(0.3);
         let mut tracker = LaneTracker::default();
         let way = (0..30).map(|step| -19.0 + 2.0 * f64::from(step)).map(|x| av(x, 0.3 * (x + 20.0), heading));
-        let online: Vec<f64> = way.map(|av| tracker.read(&lanes, &av, WHEELBASE).speed_limit).collect();
+        let online: Vec<f64> = way.map(|av| tracker.read(&lanes, &av, WHEELBASE, 0.0).speed_limit).collect();
         let settled: Vec<f64> = tracker.settle(&lanes).iter().map(|driven| driven.speed_limit).collect();
         assert!((online[0] - 50.0 * 0.447_04).abs() < 1e-9, "the larger of both");
         assert!(settled.iter().all(|limit| (limit - 20.0 * 0.447_04).abs() < 1e-9), "{settled:?}");

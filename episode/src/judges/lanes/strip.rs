@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use world::geometry::{Point, Segment, SegmentGrid};
 use world::map::{BoundarySegment, Lane, Map, MapId};
 
+use crate::judges::STOREY;
 use crate::judges::level::Level;
 
 /// Half the width (m) of a lane whose boundary the map does not name: half of a lane of 12 feet.
@@ -27,6 +28,8 @@ const ALIGNED: f64 = std::f64::consts::FRAC_1_SQRT_2;
 pub struct Strip {
     /// The center line.
     pub points: Vec<Point>,
+    /// Height (m) of each point.
+    heights: Vec<f64>,
     /// Half width (m) to the left and to the right at each point.
     pub widths: Vec<[f64; 2]>,
     /// Places, among all strips, of the lanes that lead here.
@@ -47,6 +50,8 @@ pub struct Strip {
 #[derive(Clone, Copy, Debug)]
 struct Place {
     station: f64,
+    /// Height of the lane there (m).
+    height: f64,
     /// Distance to the center line (m).
     distance: f64,
     /// How far outside of the strip (m), 0 within.
@@ -124,6 +129,12 @@ impl Lanes {
         &self.strips
     }
 
+    /// Height (m) of the start of the segment with this number in the grid.
+    fn height_of(&self, segment: usize) -> f64 {
+        let strip = &self.strips[self.grid.payload(segment) as usize];
+        strip.heights[segment - strip.first_segment]
+    }
+
     /// Whether another lane's center line crosses this one's: that is an intersection, whether the map marks it or not.
     fn is_crossed(&self, lane: usize) -> bool {
         // Lanes that begin or end together wriggle across each other there.
@@ -137,21 +148,22 @@ impl Lanes {
             self.grid.for_each_near(own.start, own.length(), |other| {
                 let other_lane = self.grid.payload(other) as usize;
                 let candidate = other_lane != lane && inner(other_lane).contains(&other);
-                crossed |= candidate && cross(&own, &self.grid.segment(other));
+                let is_level = || (self.height_of(index) - self.height_of(other)).abs() <= STOREY;
+                crossed |= candidate && is_level() && cross(&own, &self.grid.segment(other));
             });
             crossed
         })
     }
 
-    /// The lanes that hold `point`, for a body that looks `forward`.
-    pub(super) fn holding(&self, point: Point, forward: Point) -> Held {
+    /// The lanes that hold `point` where the ground is at the height `ground` (m), for a body that looks `forward`.
+    pub(super) fn holding(&self, point: Point, ground: f64, forward: Point) -> Held {
         let mut found = Held::default();
         self.grid.for_each_near(point, WIDEST, |segment| {
             let lane = self.grid.payload(segment) as usize;
             if !found.contains(lane) {
                 let strip = &self.strips[lane];
                 let place = strip.place(segment - strip.first_segment, point, forward);
-                if place.outside == 0.0 {
+                if place.outside == 0.0 && (place.height - ground).abs() <= STOREY {
                     found.0.push((lane, place));
                 }
             }
@@ -234,15 +246,17 @@ impl Lanes {
     }
 
     /// Whether `point` is in an intersection: on one of its lanes, or on no lane and beside one of its.
-    pub(super) fn is_intersection(&self, point: Point) -> bool {
-        let held = self.holding(point, Point::default());
+    pub(super) fn is_intersection(&self, point: Point, ground: f64) -> bool {
+        let held = self.holding(point, ground, Point::default());
         if !held.0.is_empty() {
             return held.0.iter().any(|(lane, _)| self.is_connector(*lane));
         }
         let mut beside = false;
         self.grid.for_each_near(point, WIDEST + WITHIN_INTERSECTION, |segment| {
             let lane = self.grid.payload(segment) as usize;
-            beside = beside || (self.is_connector(lane) && self.distance(lane, point) < WITHIN_INTERSECTION);
+            let is_level = || (self.height_of(segment) - ground).abs() <= STOREY;
+            beside =
+                beside || (is_level() && self.is_connector(lane) && self.distance(lane, point) < WITHIN_INTERSECTION);
         });
         beside
     }
@@ -300,6 +314,7 @@ impl Strip {
         }
         let linked = |links: &[MapId]| links.iter().filter_map(|id| places.get(id).copied()).collect();
         Self {
+            heights: kept.iter().map(|index| lane.centerline[*index].z).collect(),
             widths: widths.collect(),
             stations,
             entries: linked(&lane.entries),
@@ -361,6 +376,7 @@ impl Strip {
         let width = widths[0] * (1.0 - nearest.fraction) + widths[1] * nearest.fraction;
         let beside = (across - width).max(0.0);
         Place {
+            height: self.heights[index],
             station: self.stations[index] + length * nearest.fraction,
             distance,
             outside: if beyond > 0.0 { (beyond * beyond + beside * beside).sqrt() } else { beside },
