@@ -398,6 +398,17 @@ fn what_the_map_does_not_tell_is_missing_and_not_kept() {
 }
 
 #[test]
+fn without_lanes_nobody_drives_the_wrong_way_or_the_right_one() {
+    let mut parts = StraightRoad::new().scene().as_ref().clone().into_parts();
+    parts.map.lanes.clear();
+    let outcome = run_with(&Arc::new(parts.check().unwrap().0), StrictSettings::default(), &mut straight_on());
+    for missing in ["wrong_way", "nuplan_driving_direction", "speeding"] {
+        assert_eq!(metric(&outcome, missing), None, "{missing}");
+    }
+    assert_eq!(metric(&outcome, "nuplan_terms"), Some(6.0));
+}
+
+#[test]
 fn a_red_light_that_was_unlisted_for_longer_than_it_holds_is_no_trap() {
     let lit = |unlisted: std::ops::Range<usize>| {
         let road = StraightRoad { red_at: Some(45.0), av: car(0.0, 0.0, 0.0, 4.0), ..StraightRoad::new() };

@@ -231,7 +231,7 @@ impl Facts {
             no_collision: unless_broken(Judgement::Collision, Some(no_collision)),
             drivable_area: self
                 .judged(Judgement::OffRoad, score(!records.iter().any(|record| record.outside_drivable_area))),
-            direction: Some(nuplan::direction(backward.fold(0.0, f64::max))),
+            direction: self.judged(Judgement::WrongWay, Some(nuplan::direction(backward.fold(0.0, f64::max)))),
             making_progress: progress.and_then(|progress| score(progress >= nuplan::MAKING_PROGRESS)),
             progress,
             time_to_collision: unless_broken(Judgement::Collision, score(in_time)),

@@ -67,7 +67,7 @@ pub const METRICS: &[Metric] = metrics![
     "off_route", "0/1", "the AV's centre left the route's corridor", |f| flag(f.off_route);
     "off_road", "0/1", "a corner was beyond the road's edge", |f| f.judged(Judgement::OffRoad, flag(f.off_road));
     "red_light", "0/1", "the front bumper crossed a stop point of the route at red", |f| flag(f.red_light);
-    "wrong_way", "0/1", "the AV drove 2 m or more against its lane within a second", |f| flag(f.wrong_way);
+    "wrong_way", "0/1", "the AV drove 2 m or more against its lane within a second", |f| f.judged(Judgement::WrongWay, flag(f.wrong_way));
     "speeding", "0/1", "the AV drove more than 2.23 m/s above the speed limit", |f| f.judged(Judgement::Speeding, flag(f.speeding));
     "progress_m", "m", "length of the path driven, without the first step (the paper's)", |f| f.progress;
     "mean_abs_acceleration_mps2", "m/s^2", "mean magnitude of longitudinal acceleration (the paper's)", |f| f.comfort.acceleration;

@@ -200,6 +200,7 @@ impl Lint {
             Self::NoDrivableLane => "no-drivable-lane",
             Self::Unjudged(Unjudged::NoRoadEdges) => "no-road-edges",
             Self::Unjudged(Unjudged::ReversedEdges { .. }) => "reversed-edges",
+            Self::Unjudged(Unjudged::NoLanes) => "no-lanes",
             Self::Unjudged(Unjudged::NoSpeedLimits) => "no-speed-limits",
             Self::Unjudged(Unjudged::NoSize { .. }) => "no-size",
         }

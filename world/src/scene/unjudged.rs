@@ -10,7 +10,7 @@ use thiserror::Error;
 use super::bridged::{Bridged, SizeSource};
 use super::{AgentState, Scene, TrackId};
 use crate::geometry::{Point3, PointGrid, SegmentGrid};
-use crate::map::Map;
+use crate::map::{Lane, Map};
 
 /// What is judged of a drive, as far as a scene may not allow it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -19,6 +19,8 @@ pub enum Judgement {
     Collision,
     /// Off road, and nuPlan's drivable area.
     OffRoad,
+    /// Driving the wrong way.
+    WrongWay,
     /// Speeding.
     Speeding,
 }
@@ -28,6 +30,7 @@ impl fmt::Display for Judgement {
         f.pad(match self {
             Self::Collision => "collisions",
             Self::OffRoad => "off road",
+            Self::WrongWay => "wrong way",
             Self::Speeding => "speeding",
         })
     }
@@ -43,6 +46,8 @@ pub enum Unjudged {
         "off road cannot be judged: {reversed} of {edges} road edges by the logged AV's way have the lanes on their right"
     )]
     ReversedEdges { reversed: usize, edges: usize },
+    #[error("wrong way cannot be judged: no lane for cars is within {BY_THE_WAY} m of the logged AV's way")]
+    NoLanes,
     #[error("speeding cannot be judged: no lane by the logged AV's way has a speed limit")]
     NoSpeedLimits,
     #[error("collisions cannot be judged: track {track} comes near the logged AV's way, and nothing tells its size")]
@@ -55,6 +60,7 @@ impl Unjudged {
     pub fn judgement(&self) -> Judgement {
         match self {
             Self::NoRoadEdges | Self::ReversedEdges { .. } => Judgement::OffRoad,
+            Self::NoLanes => Judgement::WrongWay,
             Self::NoSpeedLimits => Judgement::Speeding,
             Self::NoSize { .. } => Judgement::Collision,
         }
@@ -95,7 +101,9 @@ impl Bridged {
         });
         let mut unjudged: Vec<Unjudged> = near.map(|size| Unjudged::NoSize { track: size.id }).collect();
         unjudged.extend(road_edges(scene.map(), &way));
-        unjudged.extend(speed_limits(scene.map(), &way));
+        let lanes = lanes(scene.map(), &way);
+        unjudged.extend(lanes.is_empty().then_some(Unjudged::NoLanes));
+        unjudged.extend(lanes.iter().all(|lane| lane.speed_limit().is_none()).then_some(Unjudged::NoSpeedLimits));
         unjudged
     }
 }
@@ -165,10 +173,10 @@ fn passes_near(line: &[Point3], way: &Way) -> bool {
 /// A segment of more than 4 km is looked at more coarsely: no road has one.
 const MOST_PARTS: f64 = 100.0;
 
-fn speed_limits(map: &Map, way: &Way) -> Option<Unjudged> {
+/// The lanes for cars by the way.
+fn lanes<'a>(map: &'a Map, way: &Way) -> Vec<&'a Lane> {
     let lanes = map.lanes.iter().filter(|lane| lane.kind.is_drivable());
-    let mut near = lanes.filter(|lane| lane.centerline.iter().any(|point| way.is_near(*point, BY_THE_WAY)));
-    near.all(|lane| lane.speed_limit().is_none()).then_some(Unjudged::NoSpeedLimits)
+    lanes.filter(|lane| lane.centerline.iter().any(|point| way.is_near(*point, BY_THE_WAY))).collect()
 }
 
 #[cfg(test)]
@@ -176,7 +184,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::map::{Lane, MapId, RoadEdge, RoadEdgeKind};
+    use crate::map::{LaneKind, MapId, RoadEdge, RoadEdgeKind};
     use crate::scene::{AgentKind, SceneParts, Track};
 
     /// A straight road with an edge on either side, the AV on it, and something of unknown kind `beside` it.
@@ -250,6 +258,13 @@ mod tests {
             parts.map.road_edges[1].polyline.reverse();
         });
         assert_eq!(other, [Unjudged::ReversedEdges { reversed: 1, edges: 1 }]);
+    }
+
+    #[test]
+    fn without_a_lane_for_cars_by_the_way_neither_wrong_way_nor_speeding_is_judged() {
+        let neither = [Unjudged::NoLanes, Unjudged::NoSpeedLimits];
+        assert_eq!(unjudged(|parts| parts.map.lanes.clear()), neither);
+        assert_eq!(unjudged(|parts| parts.map.lanes[0].kind = LaneKind::BikeLane), neither);
     }
 
     #[test]
