@@ -248,3 +248,82 @@ fn single_pass(observation: &Observation) -> std::ops::Range<usize> {
     let again = |b: &usize| coarse(behind..b.saturating_sub(PASS)).any(|a| meets(a, *b));
     start..coarse(own..all.end).find(again).unwrap_or(all.end)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use world::reference_line::{ReferenceLine, WINDOW_SAMPLES};
+    use world::scene::AgentState;
+
+    use super::*;
+
+    /// A line 0.1 m a sample, and what an AV on its sample `at` sees of it.
+    fn on(line: impl Fn(f64) -> (f64, f64), samples: usize, at: usize) -> Observation {
+        let points: Vec<(f64, f64)> = (0..samples).map(|k| line(0.1 * k as f64)).collect();
+        let (x, y) = points[at];
+        let line = Arc::new(ReferenceLine {
+            x: points.iter().map(|(x, _)| *x).collect(),
+            y: points.iter().map(|(_, y)| *y).collect(),
+            z: vec![0.0; samples],
+            heading: vec![0.0; samples],
+            curvature: vec![0.0; samples],
+            speed_limit: vec![12.0; samples],
+            crosswalk: vec![false; samples],
+        });
+        let start = at.saturating_sub(SAMPLES_BEHIND);
+        let window = ReferenceWindow {
+            samples: WINDOW_SAMPLES.min(samples - start),
+            line,
+            start,
+            first_sample: start,
+            red_stops: vec![],
+            speed_limit: None,
+        };
+        let av = AgentState { x, y, length: 5.0, width: 2.0, height: 1.5, ..AgentState::default() };
+        Observation { step: 0, log_index: 19, av, control: Control::default(), agents: vec![], signals: vec![], window }
+    }
+
+    fn circle(station: f64) -> (f64, f64) {
+        (12.0 * libm::sin(station / 12.0), -12.0 * libm::cos(station / 12.0))
+    }
+
+    #[test]
+    fn a_line_that_passes_no_place_twice_is_told_whole() {
+        let seen = on(|station| (station, 0.0), 2000, 500);
+        assert_eq!(single_pass(&seen), 300..1500);
+    }
+
+    #[test]
+    fn of_a_line_that_goes_round_and_round_less_than_a_round_is_told() {
+        for at in [100, 400, 700, 1100] {
+            let seen = on(circle, 2500, at);
+            let told = single_pass(&seen);
+            let line = &seen.window.line;
+            // 5 m behind the AV stay, and nearly a round (75 m) ahead.
+            assert!(told.contains(&at) && told.start + KEPT_BEHIND <= at && told.end >= at + 600, "{told:?} from {at}");
+            let meets = |a: usize, b: usize| line.point(a).distance(line.point(b)) < SAME_PLACE;
+            let pairs = told.clone().flat_map(|a| (a + PASS + 1..told.end).map(move |b| (a, b)));
+            // To within the samples between those that are looked at.
+            let twice = pairs.filter(|(a, b)| meets(*a, *b)).count();
+            assert!(twice <= COARSE * COARSE, "{twice} pairs of {told:?}");
+        }
+    }
+
+    #[test]
+    fn of_a_crossing_behind_and_ahead_the_way_ahead_is_told() {
+        // 30 m on, a loop to the left, and across the way again.
+        let eight = |station: f64| match station {
+            s if s < 40.0 => (s, 0.0),
+            s if s < 40.0 + 18.0 * std::f64::consts::PI => {
+                let angle = (s - 40.0) / 12.0;
+                (40.0 + 12.0 * libm::sin(angle), 12.0 - 12.0 * libm::cos(angle))
+            }
+            s => (28.0, 12.0 - (s - 40.0 - 18.0 * std::f64::consts::PI)),
+        };
+        // The crossing at (28, 0) is 17 m behind the AV and 63.5 m ahead.
+        let seen = on(eight, 1600, 450);
+        let told = single_pass(&seen);
+        assert!(told.start > 290 && told.contains(&450) && told.end == 1450, "{told:?}");
+    }
+}

@@ -223,3 +223,94 @@ impl<'a> Corridor<'a> {
 fn point(line: &ReferenceLine, sample: usize) -> Point {
     Point::new(line.x[sample], line.y[sample])
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use world::reference_line::WINDOW_SAMPLES;
+
+    use super::*;
+
+    /// Samples of one round on a circle of 12 m.
+    const ROUND: usize = 754;
+
+    /// Two and a half rounds to the left on a circle of 12 m, the second and what follows so much (m) farther out.
+    fn rounds(wider: f64) -> Arc<ReferenceLine> {
+        let samples = 0..2 * ROUND + ROUND / 2;
+        let angle = |k: usize| std::f64::consts::TAU * k as f64 / ROUND as f64;
+        let radius = |k: usize| if k < ROUND { 12.0 } else { 12.0 + wider };
+        let count = samples.len();
+        Arc::new(ReferenceLine {
+            x: samples.clone().map(|k| radius(k) * libm::sin(angle(k))).collect(),
+            y: samples.clone().map(|k| -radius(k) * libm::cos(angle(k))).collect(),
+            z: vec![0.0; count],
+            heading: samples.map(angle).collect(),
+            curvature: vec![1.0 / 12.0; count],
+            speed_limit: vec![12.0; count],
+            crosswalk: vec![false; count],
+        })
+    }
+
+    /// What is told to an AV at sample `at` of the line.
+    fn window(line: &Arc<ReferenceLine>, at: usize) -> ReferenceWindow {
+        let start = at.saturating_sub(SAMPLES_BEHIND);
+        ReferenceWindow {
+            line: Arc::clone(line),
+            start,
+            samples: WINDOW_SAMPLES.min(line.len() - start),
+            first_sample: start,
+            red_stops: vec![],
+            speed_limit: None,
+        }
+    }
+
+    #[test]
+    fn in_the_second_round_the_av_is_in_the_second_round() {
+        let line = rounds(0.0);
+        for at in [0, 60, 199, 200, 300, ROUND, ROUND + 300, 2 * ROUND - 1, 2 * ROUND + 200] {
+            let window = window(&line, at);
+            let corridor = Corridor::new(&window).unwrap();
+            assert_eq!(window.start + corridor.own(line.point(at)), at);
+            // Beside the line as well.
+            assert_eq!(window.start + corridor.own(line.point(at) * 1.2), at);
+        }
+    }
+
+    #[test]
+    fn an_av_that_is_not_where_its_window_says_is_looked_for_in_all_of_it() {
+        let line = rounds(0.0);
+        let window = window(&line, 300);
+        let corridor = Corridor::new(&window).unwrap();
+        let astray = 300 + ROUND / 2;
+        assert_eq!(window.start + corridor.own(line.point(astray)), astray);
+    }
+
+    #[test]
+    fn who_is_ahead_in_this_round_is_not_taken_for_one_a_round_ahead() {
+        for (wider, at) in [(0.0, 300), (0.0, ROUND + 300), (1.5, 300), (1.5, ROUND - 300)] {
+            let line = rounds(wider);
+            let window = window(&line, at);
+            let corridor = Corridor::new(&window).unwrap();
+            let own = corridor.own(line.point(at));
+            for along in [-120_isize, -30, 0, 40, 200, 400] {
+                // A metre and a half farther out it is a little nearer to the next round, or just as near.
+                let place = line.point(at.saturating_add_signed(along));
+                let outwards = place * (1.0 / place.norm());
+                for out in [0.0, 1.5] {
+                    let found = window.start + corridor.nearest_pass(place + outwards * out, own);
+                    assert!(found.abs_diff(at.saturating_add_signed(along)) <= 2, "{along} from {at}: {found}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn who_is_clearly_nearer_to_the_next_round_is_in_it() {
+        let line = rounds(4.0);
+        let window = window(&line, 300);
+        let corridor = Corridor::new(&window).unwrap();
+        let found = window.start + corridor.nearest_pass(line.point(ROUND + 350), corridor.own(line.point(300)));
+        assert_eq!(found, ROUND + 350);
+    }
+}

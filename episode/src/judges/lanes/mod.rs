@@ -269,6 +269,53 @@ mod tests {
         assert!(settled.iter().all(|limit| (limit - 20.0 * 0.447_04).abs() < 1e-9), "{settled:?}");
     }
 
+    /// Backward travel of an AV that drives a lane of so many rounds on a circle of 12 m from its beginning, 1 m a step. The lane climbs
+    /// by so much (m) a round.
+    fn wind(rounds: f64, climb: f64, metres: u32) -> Vec<f64> {
+        let point = |step: i32| {
+            let round = f64::from(step) / 150.0;
+            let at = Point::unit(round * std::f64::consts::TAU) * 12.0;
+            Point3::new(at.x, at.y, climb * round)
+        };
+        let centerline: Vec<Point3> = (0..=(rounds * 150.0) as i32).map(point).collect();
+        let level = Level::along(&centerline, 5.0);
+        let lanes = Lanes::of(
+            &Map { lanes: vec![Lane { centerline, ..lane(1, (0.0, 0.0), (1.0, 0.0)) }], ..Map::default() },
+            &level,
+        );
+        let mut tracker = LaneTracker::default();
+        let reading = |metre: u32| {
+            let angle = f64::from(metre) / 12.0;
+            let at = Point::unit(angle) * 12.1;
+            let body = av(at.x, at.y, angle + std::f64::consts::FRAC_PI_2);
+            tracker.read(&lanes, &body, WHEELBASE, climb * angle / std::f64::consts::TAU).backward_travel
+        };
+        (0..metres).map(reading).collect()
+    }
+
+    #[test]
+    fn who_drives_round_within_one_lane_never_drives_against_it() {
+        for (rounds, climb, metres) in [(1.5, 0.0, 105), (1.5, 4.0, 105), (3.0, 4.0, 220), (3.0, 0.0, 220)] {
+            let back = wind(rounds, climb, metres);
+            assert!(back.iter().all(|back| *back < 1e-9), "{rounds} rounds, {climb} m up a round: {back:?}");
+        }
+    }
+
+    #[test]
+    fn a_lane_that_comes_down_from_a_bridge_holds_nobody_below_it() {
+        let below = Lane { speed_limit_mph: 25.0, ..lane(1, (-20.0, 0.0), (20.0, 0.0)) };
+        let mut above = Lane { speed_limit_mph: 60.0, ..lane(2, (20.0, 0.5), (-20.0, -0.5)) };
+        // 6 m above where the AV drives; at its end it is on the road's level.
+        above.centerline.iter_mut().for_each(|point| point.z = (20.0 + point.x).min(6.0));
+        let map = Map { lanes: vec![below, above], ..Map::default() };
+        let drive: Vec<Body> = (0..15).map(|step| av(f64::from(step), 0.0, 0.0)).collect();
+        let reading = read(&map, &drive);
+        assert!((reading.speed_limit - 25.0 * 0.447_04).abs() < 1e-9 && !reading.in_intersection, "{reading:?}");
+        assert_eq!(reading.backward_travel, 0.0);
+        let against: Vec<Body> = drive.into_iter().rev().collect();
+        assert!(read(&map, &against).backward_travel > 8.0, "the lane below, not the one above that goes its way");
+    }
+
     #[test]
     fn backward_travel_is_summed_over_a_second() {
         let map = Map { lanes: vec![lane(1, (20.0, 0.0), (-20.0, 0.0))], ..Map::default() };
