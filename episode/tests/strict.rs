@@ -385,6 +385,23 @@ fn nobody_is_at_fault_for_a_car_that_was_not_there_a_second_ago() {
 }
 
 #[test]
+fn a_track_that_ends_is_gone_from_the_next_step_on_and_what_led_to_it_is_judged() {
+    let vanishing = |at: f64| {
+        let mut parked = car(50.0, 0.0, 0.0, 0.0);
+        parked.motion = Box::new(move |time| (time < at).then_some((50.0, 0.0, 0.0, 0.0)));
+        run(&slow_log().with(parked), &mut straight_on())
+    };
+    let terms = |at: f64| {
+        let outcome = vanishing(at);
+        ["collision", "nuplan_no_at_fault_collision", "nuplan_time_to_collision"].map(|name| metric(&outcome, name))
+    };
+    // They touch after 4.5 s.
+    assert_eq!(terms(99.0), [Some(1.0), Some(0.0), Some(0.0)]);
+    assert_eq!(terms(4.35), [Some(0.0), Some(1.0), Some(0.0)], "a tenth of a second before: it was too near");
+    assert_eq!(terms(3.0), [Some(0.0), Some(1.0), Some(1.0)], "nobody knows whether it is there still");
+}
+
+#[test]
 fn what_the_map_does_not_tell_is_missing_and_not_kept() {
     let mut parts = StraightRoad::new().scene().as_ref().clone().into_parts();
     parts.map.road_edges.clear();
