@@ -1,5 +1,7 @@
 //! How agents attend to each other: two encoder layers (paper III-B), norms behind the residuals.
 
+use pulp::{Simd, WithSimd};
+
 use crate::activation::softmax;
 use crate::gemm::{Finish, Left, Multiplier};
 use crate::weights::Weights;
@@ -64,27 +66,7 @@ impl Interaction {
         weights.clear();
         weights.resize(count * count, 0.0);
         scores.resize(count, 0.0);
-        arch.dispatch(|| {
-            let scale = 1.0 / (HEAD as f32).sqrt();
-            let row = |agent: usize, part: usize, head: usize| {
-                let begin = (agent * 3 + part) * WIDTH + head * HEAD;
-                &projected[begin..begin + HEAD]
-            };
-            for (query, attended) in attended.chunks_exact_mut(WIDTH).enumerate() {
-                for (head, attended) in attended.chunks_exact_mut(HEAD).enumerate() {
-                    let own = row(query, 0, head);
-                    for (key, score) in scores.iter_mut().enumerate() {
-                        *score = scale * dot(own, row(key, 1, head));
-                    }
-                    softmax(scores, |key| !masked[key]);
-                    for (key, weight) in scores.iter().enumerate() {
-                        let values = row(key, 2, head);
-                        attended.iter_mut().zip(values).for_each(|(sum, value)| *sum = weight.mul_add(*value, *sum));
-                        weights[query * count + key] += *weight;
-                    }
-                }
-            }
-        });
+        arch.dispatch(Attend { projected, masked, attended, scores, weights });
         self.output.apply(multiplier, Left::dense(attended, WIDTH), Finish::Plain, added);
         add(agents, added);
         self.norms[0].apply(arch, agents);
@@ -92,6 +74,44 @@ impl Interaction {
         self.narrow.apply(multiplier, Left::dense(hidden, HIDDEN), Finish::Plain, added);
         add(agents, added);
         self.norms[1].apply(arch, agents);
+    }
+}
+
+/// The attention itself: each agent's queries to each agent's keys, head by head.
+struct Attend<'a> {
+    /// Query, key and value of each agent.
+    projected: &'a [f32],
+    masked: &'a [bool],
+    attended: &'a mut [f32],
+    scores: &'a mut [f32],
+    weights: &'a mut [f32],
+}
+
+impl WithSimd for Attend<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Self { projected, masked, attended, scores, weights } = self;
+        let scale = 1.0 / (HEAD as f32).sqrt();
+        let row = |agent: usize, part: usize, head: usize| {
+            let begin = (agent * 3 + part) * WIDTH + head * HEAD;
+            &projected[begin..begin + HEAD]
+        };
+        for (query, attended) in attended.chunks_exact_mut(WIDTH).enumerate() {
+            for (head, attended) in attended.chunks_exact_mut(HEAD).enumerate() {
+                let own = row(query, 0, head);
+                for (key, score) in scores.iter_mut().enumerate() {
+                    *score = scale * dot(own, row(key, 1, head));
+                }
+                softmax(scores, |key| !masked[key]);
+                for (key, weight) in scores.iter().enumerate() {
+                    let values = row(key, 2, head);
+                    attended.iter_mut().zip(values).for_each(|(sum, value)| *sum = weight.mul_add(*value, *sum));
+                    weights[query * masked.len() + key] += *weight;
+                }
+            }
+        }
     }
 }
 

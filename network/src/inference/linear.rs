@@ -1,6 +1,6 @@
 //! Linear layers, norms and the feed-forward blocks that are made of them.
 
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 
 use crate::activation::layer_norm;
 use crate::gemm::{Begin, Finish, Left, Multiplier, Right};
@@ -45,11 +45,23 @@ impl Norm {
 
     /// Normalizes each row.
     pub(super) fn apply(&self, arch: Arch, rows: &mut [f32]) {
-        arch.dispatch(|| {
-            for row in rows.chunks_exact_mut(WIDTH) {
-                layer_norm(row, &self.scale, &self.shift);
-            }
-        });
+        arch.dispatch(Rows { norm: self, rows });
+    }
+}
+
+struct Rows<'a> {
+    norm: &'a Norm,
+    rows: &'a mut [f32],
+}
+
+impl WithSimd for Rows<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        for row in self.rows.chunks_exact_mut(WIDTH) {
+            layer_norm(row, &self.norm.scale, &self.norm.shift);
+        }
     }
 }
 

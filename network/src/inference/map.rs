@@ -77,16 +77,22 @@ impl LaneEncoder {
         output: &mut Vec<f32>,
     ) {
         hidden.resize(points.len() * FIRST, 0.0);
-        multiplier.arch().dispatch(|| {
+        {
+            // Along a lane hardly a code changes.
+            let (mut last, mut shift) = (None, [0.0; FIRST]);
             for (point, row) in points.iter().zip(hidden.chunks_exact_mut(FIRST)) {
-                row.copy_from_slice(&self.bias);
-                for ((table, (_, codes)), code) in self.tables.iter().zip(TABLES).zip(&point[NUMBERS..]) {
-                    let code = (*code as usize).min(codes - 1);
-                    let added = &table[code * FIRST..(code + 1) * FIRST];
-                    row.iter_mut().zip(added).for_each(|(sum, term)| *sum += term);
+                let codes: [usize; TABLES.len()] =
+                    std::array::from_fn(|table| (point[NUMBERS + table] as usize).min(TABLES[table].1 - 1));
+                if last.replace(codes) != Some(codes) {
+                    shift.copy_from_slice(&self.bias);
+                    for (table, code) in self.tables.iter().zip(codes) {
+                        let added = &table[code * FIRST..(code + 1) * FIRST];
+                        shift.iter_mut().zip(added).for_each(|(sum, term)| *sum += term);
+                    }
                 }
+                row.copy_from_slice(&shift);
             }
-        });
+        }
         let numbers =
             Left { values: points.as_flattened(), stride: points.first().map_or(1, |p| p.len()), rows: points.len() };
         multiplier.multiply(numbers, &self.numbers, Begin::Result, Finish::Relu, hidden, FIRST);

@@ -16,7 +16,9 @@ mod linear;
 mod map;
 mod motion;
 
-use crate::activation::{elu, exp, softmax};
+use pulp::{Simd, WithSimd};
+
+use crate::activation::{Elus, exp, softmax};
 use crate::frame::{AGENTS, Agent, CROSSWALKS, Frame, LANES, Motion, NEIGHBORS, POINTS, SLOTS, Sequence};
 use crate::gemm::{Begin, Finish, Left, Multiplier, Right};
 use crate::weights::Weights;
@@ -263,27 +265,18 @@ impl Network {
         for mode in &self.modal {
             mode.queries(multiplier, actors, projected, queries);
             pooled.resize(queries.len(), 0.0);
-            arch.dispatch(|| {
-                let agents = queries.chunks_exact(SLOT_HEADS * WIDTH).zip(pooled.chunks_exact_mut(SLOT_HEADS * WIDTH));
-                for (row, (queries, pooled)) in agents.enumerate() {
-                    let agent = (row < rows.agents).then(|| &frame.agents[rows.agent_of[row]]);
-                    let slots = &slots[row * SLOTS * WIDTH..][..SLOTS * WIDTH];
-                    let mut weights = [[0.0; SLOT_HEADS]; SLOTS];
-                    for (head, query) in queries.chunks_exact(WIDTH).enumerate() {
-                        let mut scores = [0.0; SLOTS];
-                        for (score, slot) in scores.iter_mut().zip(slots.chunks_exact(WIDTH)) {
-                            *score = dot(query, slot);
-                        }
-                        softmax(&mut scores, |slot| is_attended(agent, slot));
-                        for ((weights, score), sum) in weights.iter_mut().zip(scores).zip(&mut attention[row]) {
-                            weights[head] = score;
-                            *sum += score;
-                        }
-                    }
-                    const ROWS: [u16; SLOTS] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9];
-                    pool(arch, slots, &ROWS, &weights, pooled);
+            let of_row = |row: usize| (row < rows.agents).then(|| &frame.agents[rows.agent_of[row]]);
+            let queries = queries.chunks_exact(SLOT_HEADS * WIDTH).zip(pooled.chunks_exact_mut(SLOT_HEADS * WIDTH));
+            for (row, (queries, pooled)) in queries.enumerate() {
+                let slots = &slots[row * SLOTS * WIDTH..][..SLOTS * WIDTH];
+                let agent = of_row(row);
+                let attended = std::array::from_fn(|slot| is_attended(agent, slot));
+                let weights = arch.dispatch(SlotWeights { queries, slots, attended });
+                for (weights, sum) in weights.iter().zip(&mut attention[row]) {
+                    *sum += weights.iter().sum::<f32>();
                 }
-            });
+                pool(arch, slots, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9], &weights, pooled);
+            }
             mode.project(multiplier, pooled, projected, modal);
             modes.extend_from_slice(modal);
         }
@@ -303,7 +296,7 @@ impl Network {
         };
         let mut run = |layers: &[Linear; 2], features: &[f32], multiplier: &mut Multiplier, decoded: &mut Vec<f32>| {
             layers[0].apply(multiplier, Left::dense(features, 2 * WIDTH), Finish::Plain, hidden);
-            arch.dispatch(|| hidden.iter_mut().for_each(|value| *value = elu(*value)));
+            arch.dispatch(Elus(hidden));
             layers[1].apply(multiplier, Left::dense(hidden, layers[0].bias.len()), Finish::Plain, decoded);
         };
         features.clear();
@@ -335,7 +328,7 @@ impl Network {
         greatest(slots, &mut features[..WIDTH]);
         greatest(actors, &mut features[WIDTH..]);
         self.reduce.apply(multiplier, Left::dense(features, 2 * WIDTH), Finish::Plain, decoded);
-        arch.dispatch(|| decoded.iter_mut().for_each(|value| *value = elu(*value)));
+        arch.dispatch(Elus(decoded));
         features.clear();
         for mode in 0..MODES {
             features.extend_from_slice(decoded);
@@ -434,7 +427,8 @@ impl MapAttention {
             let arch = multiplier.arch();
             for (agent, sequences) in sequences.clone().enumerate() {
                 for sequence in sequences.iter().flatten() {
-                    arch.dispatch(|| weigh(&sequence.points, scores, columns, agent, weights));
+                    let points = &sequence.points;
+                    arch.dispatch(PointWeights { points, scores, columns, agent, weights });
                     let begin = pooled.len();
                     pooled.resize(begin + POINT_HEADS * WIDTH, 0.0);
                     pool(arch, encoded, &sequence.points, weights, &mut pooled[begin..]);
@@ -457,25 +451,63 @@ impl MapAttention {
 }
 
 /// The weights of a sequence's points for each head of `agent`, of the scores (a row a point, `columns` wide).
-#[inline(always)]
-fn weigh(points: &[u16; POINTS], scores: &[f32], columns: usize, agent: usize, weights: &mut [[f32; POINT_HEADS]]) {
-    let of_point = |point: u16| &scores[usize::from(point) * columns + agent * POINT_HEADS..][..POINT_HEADS];
-    let mut greatest = [f32::MIN; POINT_HEADS];
-    for point in points {
-        for (most, score) in greatest.iter_mut().zip(of_point(*point)) {
-            *most = if *score > *most { *score } else { *most };
+struct PointWeights<'a> {
+    points: &'a [u16; POINTS],
+    scores: &'a [f32],
+    columns: usize,
+    agent: usize,
+    weights: &'a mut [[f32; POINT_HEADS]],
+}
+
+impl WithSimd for PointWeights<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Self { points, scores, columns, agent, weights } = self;
+        let of_point = |point: u16| &scores[usize::from(point) * columns + agent * POINT_HEADS..][..POINT_HEADS];
+        let mut greatest = [f32::MIN; POINT_HEADS];
+        for point in points {
+            for (most, score) in greatest.iter_mut().zip(of_point(*point)) {
+                *most = if *score > *most { *score } else { *most };
+            }
+        }
+        let mut sums = [0.0_f32; POINT_HEADS];
+        for (point, weights) in points.iter().zip(weights.iter_mut()) {
+            let terms = weights.iter_mut().zip(of_point(*point)).zip(&greatest).zip(&mut sums);
+            for (((weight, score), most), sum) in terms {
+                *weight = exp(*score - *most);
+                *sum += *weight;
+            }
+        }
+        for weights in weights {
+            weights.iter_mut().zip(&sums).for_each(|(weight, sum)| *weight /= sum);
         }
     }
-    let mut sums = [0.0_f32; POINT_HEADS];
-    for (point, weights) in points.iter().zip(weights.iter_mut()) {
-        let terms = weights.iter_mut().zip(of_point(*point)).zip(&greatest).zip(&mut sums);
-        for (((weight, score), most), sum) in terms {
-            *weight = exp(*score - *most);
-            *sum += *weight;
+}
+
+/// The weights of an agent's slots for each head of its queries.
+struct SlotWeights<'a> {
+    queries: &'a [f32],
+    slots: &'a [f32],
+    attended: [bool; SLOTS],
+}
+
+impl WithSimd for SlotWeights<'_> {
+    type Output = [[f32; SLOT_HEADS]; SLOTS];
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) -> Self::Output {
+        let mut weights = [[0.0; SLOT_HEADS]; SLOTS];
+        for (head, query) in self.queries.chunks_exact(WIDTH).enumerate() {
+            let mut scores = [0.0; SLOTS];
+            for (score, slot) in scores.iter_mut().zip(self.slots.chunks_exact(WIDTH)) {
+                *score = dot(query, slot);
+            }
+            softmax(&mut scores, |slot| self.attended[slot]);
+            weights.iter_mut().zip(scores).for_each(|(weights, score)| weights[head] = score);
         }
-    }
-    for weights in weights {
-        weights.iter_mut().zip(&sums).for_each(|(weight, sum)| *weight /= sum);
+        weights
     }
 }
 

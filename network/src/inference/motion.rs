@@ -1,5 +1,7 @@
 //! What agents' motion is encoded by: an LSTM of two layers for each kind (paper III-B), over all agents of the kind at once.
 
+use pulp::{Simd, WithSimd};
+
 use crate::activation::{sigmoid, tanh};
 use crate::frame::{AgentRow, HISTORY};
 use crate::gemm::{Begin, Finish, Left, Multiplier, Right};
@@ -88,25 +90,42 @@ impl Layer {
                 let before = Left::dense(&before[(step - 1) * count * WIDTH..], WIDTH);
                 multiplier.multiply(before, &self.recurrent, Begin::Result, Finish::Plain, gates, GATES);
             }
-            arch.dispatch(|| {
-                let now = now.chunks_exact_mut(WIDTH);
-                for ((gates, cells), now) in gates.chunks_exact(GATES).zip(cells.chunks_exact_mut(WIDTH)).zip(now) {
-                    advance(gates, cells, now);
-                }
-            });
+            arch.dispatch(Step { gates, cells, outputs: &mut now[..count * WIDTH] });
         }
     }
 }
 
-/// One step of one agent: gates in PyTorch's order, input, forget, cell, output.
-#[inline(always)]
-fn advance(gates: &[f32], cells: &mut [f32], output: &mut [f32]) {
-    let (input, rest) = gates.split_at(WIDTH);
-    let (forget, rest) = rest.split_at(WIDTH);
-    let (candidate, out) = rest.split_at(WIDTH);
-    let values = input.iter().zip(forget).zip(candidate).zip(out);
-    for (((((input, forget), candidate), out), cell), output) in values.zip(cells).zip(output) {
-        *cell = sigmoid(*forget).mul_add(*cell, sigmoid(*input) * tanh(*candidate));
-        *output = sigmoid(*out) * tanh(*cell);
+/// One step of all agents.
+struct Step<'a> {
+    gates: &'a mut [f32],
+    cells: &'a mut [f32],
+    outputs: &'a mut [f32],
+}
+
+impl WithSimd for Step<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let agents = self.gates.chunks_exact_mut(GATES).zip(self.cells.chunks_exact_mut(WIDTH));
+        for ((gates, cells), output) in agents.zip(self.outputs.chunks_exact_mut(WIDTH)) {
+            advance(gates, cells, output);
+        }
     }
+}
+
+/// One step of one agent: gates in PyTorch's order, input, forget, cell, output. One simple loop after the other, for the compiler to
+/// make vectors of.
+#[inline(always)]
+fn advance(gates: &mut [f32], cells: &mut [f32], output: &mut [f32]) {
+    let (entry, rest) = gates.split_at_mut(2 * WIDTH);
+    let (candidate, out) = rest.split_at_mut(WIDTH);
+    entry.iter_mut().for_each(|gate| *gate = sigmoid(*gate));
+    candidate.iter_mut().for_each(|value| *value = tanh(*value));
+    out.iter_mut().for_each(|gate| *gate = sigmoid(*gate));
+    let (input, forget) = entry.split_at(WIDTH);
+    candidate.iter_mut().zip(input).for_each(|(value, gate)| *value *= gate);
+    cells.iter_mut().zip(forget).zip(candidate).for_each(|((cell, gate), value)| *cell = gate.mul_add(*cell, *value));
+    output.iter_mut().zip(cells).for_each(|(output, cell)| *output = tanh(*cell));
+    output.iter_mut().zip(out).for_each(|(output, gate)| *output *= *gate);
 }
