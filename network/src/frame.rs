@@ -151,6 +151,36 @@ impl Frame {
     }
 }
 
+impl From<&Frame> for Tensors {
+    fn from(frame: &Frame) -> Self {
+        let code = |agent: &Agent| match agent.motion {
+            _ if agent.is_blank() => 0.0,
+            Motion::Vehicle => 1.0,
+            Motion::Pedestrian => 2.0,
+            Motion::Cyclist => 3.0,
+        };
+        let row = |agent: &Agent, row: &AgentRow| row.iter().copied().chain([code(agent)]).collect::<Vec<_>>();
+        let neighbors = frame.agents[1..].iter();
+        let rows = neighbors.flat_map(|agent| agent.history.iter().flat_map(move |history| row(agent, history)));
+        let lanes = frame.agents.iter().flat_map(|agent| &agent.lanes);
+        let crosswalks = frame.agents.iter().flat_map(|agent| &agent.crosswalks);
+        Self {
+            ego: frame.agents[0].history.as_flattened().to_vec(),
+            neighbors: rows.collect(),
+            map_lanes: lanes.flat_map(|slot| expanded(slot.as_ref(), &frame.lane_points)).flatten().collect(),
+            map_crosswalks: crosswalks
+                .flat_map(|slot| expanded(slot.as_ref(), &frame.crosswalk_points))
+                .flatten()
+                .collect(),
+        }
+    }
+}
+
+/// The points of a slot, one by one.
+fn expanded<const COLUMNS: usize>(sequence: Option<&Sequence>, points: &[[f32; COLUMNS]]) -> [[f32; COLUMNS]; POINTS] {
+    sequence.map_or([[0.0; COLUMNS]; POINTS], |sequence| sequence.points.map(|number| points[usize::from(number)]))
+}
+
 /// Finds points that are there already.
 struct Distinct<'a, const COLUMNS: usize> {
     points: &'a mut Vec<[f32; COLUMNS]>,
