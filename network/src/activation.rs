@@ -5,6 +5,14 @@
 
 use pulp::{Simd, WithSimd};
 
+/// a b + c, rounded once: by the core where it can, else by software, with the same bits.
+#[inline(always)]
+#[must_use]
+#[allow(clippy::disallowed_methods, reason = "fused on every machine, since it is asked for by name")]
+pub fn fused(a: f32, b: f32, c: f32) -> f32 {
+    a.mul_add(b, c)
+}
+
 /// e to the power of `x`: within 2e-7 of it, relatively. It ends at -87 and 88.
 #[inline(always)]
 #[must_use]
@@ -14,14 +22,14 @@ pub fn exp(x: f32) -> f32 {
     const LOG2_E: f32 = std::f32::consts::LOG2_E;
     const LN_2: [f32; 2] = [0.693_359_4, -2.121_944_4e-4];
     let x = x.clamp(-87.0, 88.0);
-    let rounded = x.mul_add(LOG2_E, ROUND);
+    let rounded = fused(x, LOG2_E, ROUND);
     let n = rounded - ROUND;
-    let rest = n.mul_add(-LN_2[1], n.mul_add(-LN_2[0], x));
+    let rest = fused(n, -LN_2[1], fused(n, -LN_2[0], x));
     let mut sum = 1.987_569_1e-4_f32;
     for term in [1.398_2e-3, 8.333_452e-3, 4.166_579_6e-2, 1.666_666_5e-1, 5.0e-1] {
-        sum = sum.mul_add(rest, term);
+        sum = fused(sum, rest, term);
     }
-    let value = (sum * rest).mul_add(rest, rest) + 1.0;
+    let value = fused(sum * rest, rest, rest) + 1.0;
     // From 2^-126 to 2^127.
     let power = rounded.to_bits().wrapping_sub(ROUND.to_bits()).wrapping_add(127);
     value * f32::from_bits(power << 23)
@@ -115,7 +123,7 @@ pub fn layer_norm(row: &mut [f32], scale: &[f32], shift: &[f32]) {
     let variance = sum(row, |value| (value - mean) * (value - mean)) / count;
     let inverse = 1.0 / (variance + EPSILON).sqrt();
     for ((value, scale), shift) in row.iter_mut().zip(scale).zip(shift) {
-        *value = ((*value - mean) * inverse).mul_add(*scale, *shift);
+        *value = fused((*value - mean) * inverse, *scale, *shift);
     }
 }
 

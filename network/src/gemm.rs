@@ -265,11 +265,12 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::activation::fused;
 
     /// The same, element by element.
     fn plain(left: &[f32], weight: &[f32], bias: &[f32], inner: usize) -> Vec<f32> {
         let element = |row: &[f32], column: &[f32], begin: f32| {
-            row.iter().zip(column).fold(begin, |sum, (a, b)| a.mul_add(*b, sum))
+            row.iter().zip(column).fold(begin, |sum, (a, b)| fused(*a, *b, sum))
         };
         let rows = left.chunks_exact(inner);
         let columns = || weight.chunks_exact(inner).zip(bias);

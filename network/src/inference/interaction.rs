@@ -2,7 +2,7 @@
 
 use pulp::{Simd, WithSimd};
 
-use crate::activation::softmax;
+use crate::activation::{fused, softmax};
 use crate::gemm::{Finish, Left, Multiplier};
 use crate::weights::Weights;
 use crate::weights::layout::{HIDDEN, WIDTH};
@@ -107,7 +107,7 @@ impl WithSimd for Attend<'_> {
                 softmax(scores, |key| !masked[key]);
                 for (key, weight) in scores.iter().enumerate() {
                     let values = row(key, 2, head);
-                    attended.iter_mut().zip(values).for_each(|(sum, value)| *sum = weight.mul_add(*value, *sum));
+                    attended.iter_mut().zip(values).for_each(|(sum, value)| *sum = fused(*weight, *value, *sum));
                     weights[query * masked.len() + key] += *weight;
                 }
             }
@@ -125,7 +125,7 @@ pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
     let mut sums = [0.0_f32; 16];
     for (a, b) in a.as_chunks::<16>().0.iter().zip(b.as_chunks::<16>().0) {
         for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
-            *sum = a.mul_add(*b, *sum);
+            *sum = fused(*a, *b, *sum);
         }
     }
     sums.iter().sum()

@@ -2,7 +2,7 @@
 
 use pulp::{Simd, WithSimd};
 
-use crate::activation::{sigmoid, tanh};
+use crate::activation::{fused, sigmoid, tanh};
 use crate::frame::{AgentRow, HISTORY};
 use crate::gemm::{Begin, Finish, Left, Multiplier, Right};
 use crate::weights::Weights;
@@ -125,7 +125,7 @@ fn advance(gates: &mut [f32], cells: &mut [f32], output: &mut [f32]) {
     out.iter_mut().for_each(|gate| *gate = sigmoid(*gate));
     let (input, forget) = entry.split_at(WIDTH);
     candidate.iter_mut().zip(input).for_each(|(value, gate)| *value *= gate);
-    cells.iter_mut().zip(forget).zip(candidate).for_each(|((cell, gate), value)| *cell = gate.mul_add(*cell, *value));
+    cells.iter_mut().zip(forget).zip(candidate).for_each(|((cell, gate), value)| *cell = fused(*gate, *cell, *value));
     output.iter_mut().zip(cells).for_each(|(output, cell)| *output = tanh(*cell));
     output.iter_mut().zip(out).for_each(|(output, gate)| *output *= *gate);
 }
