@@ -7,7 +7,7 @@
 //! ```
 //!
 //! What it spares, exactly: points that many agents look at are encoded once; slots that stand for nobody are one row; empty lanes and
-//! crosswalks are constants of the weights; see [`map`] and [`attention`] for the algebra. Rows do not depend on the rows beside them,
+//! crosswalks are constants of the weights; `map` and `attention` have the algebra. Rows do not depend on the rows beside them,
 //! so that a frame has the same answer alone and among others.
 
 mod attention;

@@ -3,7 +3,7 @@
 //! | module | what |
 //! | --- | --- |
 //! | [`layout`] | every tensor's name and shape |
-//! | [`file`] | safetensors, read and written |
+//! | [`mod@file`] | safetensors, read and written |
 //! | [`formula`] | weights by a formula, for tests |
 
 pub mod file;
