@@ -6,6 +6,7 @@
 //! | `idm` | `idm/` | follows the reference line; speed by the intelligent driver model |
 //! | `human` | `human.rs` | what the logged AV did; reads the scene set by itself |
 //! | `constant-velocity` | `constant_velocity.rs` | straight on |
+//! | `network` | `network.rs` | what the prediction network would do itself |
 //! | `gauss-newton` | `gauss_newton_planner/` | the differentiable planner; its mathematics is [`gauss_newton`] |
 //!
 //! [`explain`] tells why a recorded plan is what it is; [`verify`] holds the mathematics to numbers of other implementations.
@@ -18,6 +19,7 @@ pub mod explain;
 mod gauss_newton_planner;
 mod human;
 mod idm;
+mod network;
 pub mod verify;
 
 use std::sync::Arc;
@@ -31,6 +33,7 @@ pub use gauss_newton_planner::{
 };
 pub use human::Human;
 pub use idm::Idm;
+pub use network::Network;
 
 /// The planners by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -43,6 +46,8 @@ pub enum PlannerKind {
     ConstantVelocity,
     /// Minimizes the cost terms of DIPP; needs a predictor
     GaussNewton,
+    /// What the prediction network would do itself; needs the predictor network
+    Network,
 }
 
 impl PlannerKind {
@@ -60,6 +65,7 @@ impl PlannerKind {
             Self::Human => Arc::new(Human::open(scenarios)?),
             Self::ConstantVelocity => Arc::new(ConstantVelocity),
             Self::GaussNewton => Arc::new(GaussNewton(gauss_newton.clone())),
+            Self::Network => Arc::new(Network),
         })
     }
 }

@@ -4,20 +4,25 @@
 //! | predictor | file | what |
 //! | --- | --- | --- |
 //! | `ctrv` | `ctrv.rs` | every agent keeps its turn rate and speed |
+//! | `network` | `network.rs` | the prediction network of the DIPP paper; its mathematics is [`mod@::network`] |
 //! | `oracle` | `oracle.rs` | what the log says; reads the scene set by itself |
 //!
 //! A predictor is pure: what it answers depends on its inputs alone. To add one: a file, a member of [`PredictorKind`], a
 //! line in [`PredictorKind::factory`].
 
 mod ctrv;
+mod network;
 mod oracle;
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use scenarios::SetError;
+use thiserror::Error;
 use wire::node::PredictorFactory;
 
 pub use ctrv::{Ctrv, TurnRate};
+pub use network::{FeatureStyle, Network, NetworkError};
 pub use oracle::Oracle;
 
 /// The predictors by name.
@@ -27,21 +32,48 @@ pub enum PredictorKind {
     Ctrv,
     /// What the log says; needs --scenarios
     Oracle,
+    /// The prediction network; needs --weights
+    Network,
+}
+
+/// What predictors may need.
+#[derive(Clone, Debug, Default, clap::Args)]
+#[group(id = "predictor_options")]
+pub struct Options {
+    /// How ctrv takes an agent's turn rate [default: authors under the protocol paper, else wrapped]
+    #[arg(long, value_enum)]
+    pub turn_rate: Option<TurnRate>,
+    /// Where the run's scenes are: files, folders, globs, scene sets; for predictors that read the log
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    pub scenarios: Vec<String>,
+    /// The network's weights, a .safetensors file
+    #[arg(long, value_name = "FILE")]
+    pub weights: Option<PathBuf>,
+    /// How the network's features are made
+    #[arg(long, value_enum, default_value_t)]
+    pub features: FeatureStyle,
+}
+
+/// A predictor that cannot be had.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum PredictorError {
+    #[error("cannot open the scenes: {0}\nhint: {hint}", hint = .0.hint())]
+    Scenes(#[from] SetError),
+    #[error(transparent)]
+    Network(#[from] NetworkError),
 }
 
 impl PredictorKind {
-    /// The predictor's factory. `scenarios` is where predictors that read the log find it; `turn_rate` is for `ctrv`, see there.
+    /// The predictor's factory.
     ///
     /// # Errors
-    /// [`SetError`] where the predictor needs the scene set and it cannot be opened.
-    pub fn factory(
-        self,
-        scenarios: &[String],
-        turn_rate: Option<TurnRate>,
-    ) -> Result<Arc<dyn PredictorFactory>, SetError> {
+    /// [`PredictorError`] where what it needs is not there.
+    pub fn factory(self, options: &Options) -> Result<Arc<dyn PredictorFactory>, PredictorError> {
         Ok(match self {
-            Self::Ctrv => Arc::new(Ctrv(turn_rate)),
-            Self::Oracle => Arc::new(Oracle::open(scenarios)?),
+            Self::Ctrv => Arc::new(Ctrv(options.turn_rate)),
+            Self::Oracle => Arc::new(Oracle::open(&options.scenarios)?),
+            Self::Network => Arc::new(Network::open(options.weights.as_deref(), options.features)?),
         })
     }
 }

@@ -4,7 +4,6 @@ mod cli;
 
 use std::process::ExitCode;
 
-use anyhow::Context;
 use tracing_subscriber::EnvFilter;
 use wire::node::Stop;
 
@@ -26,6 +25,6 @@ fn main() -> ExitCode {
 }
 
 fn serve(cli: &cli::Cli) -> anyhow::Result<Stop> {
-    let factory = cli.predictor.factory(&cli.scenarios, cli.turn_rate).context("cannot open the scenes")?;
+    let factory = cli.predictor.factory(&cli.options)?;
     Ok(wire::node::serve_predictor(&cli.node, factory)?)
 }

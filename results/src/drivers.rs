@@ -11,6 +11,8 @@ pub enum Predictor {
     Ctrv,
     /// The log's own future
     Oracle,
+    /// The prediction network
+    Network,
 }
 
 /// Ways for the AV to follow its plan.
@@ -31,6 +33,8 @@ pub struct Driver {
     pub about: &'static str,
     /// The planner, as `planner-node` calls it.
     pub planner: &'static str,
+    /// What the planner is told beside.
+    pub planner_options: &'static [&'static str],
     /// Whether the planner reads the log itself, so that it must be told the scene set.
     pub planner_reads_log: bool,
     /// The predictor it wants.
@@ -45,6 +49,7 @@ pub const DRIVERS: &[Driver] = &[
         name: "idm",
         about: "Intelligent driver model along the route",
         planner: "idm",
+        planner_options: &[],
         planner_reads_log: false,
         predictor: Predictor::None,
         motion: MotionName::Bicycle,
@@ -53,6 +58,7 @@ pub const DRIVERS: &[Driver] = &[
         name: "human",
         about: "The logged AV itself",
         planner: "human",
+        planner_options: &[],
         planner_reads_log: true,
         predictor: Predictor::None,
         // So that the log itself is judged, and not how well it can be tracked.
@@ -62,6 +68,7 @@ pub const DRIVERS: &[Driver] = &[
         name: "constant-velocity",
         about: "Straight on at the speed it has",
         planner: "constant-velocity",
+        planner_options: &[],
         planner_reads_log: false,
         predictor: Predictor::None,
         motion: MotionName::Bicycle,
@@ -70,6 +77,7 @@ pub const DRIVERS: &[Driver] = &[
         name: "gn-ctrv",
         about: "Gauss-Newton over DIPP's cost terms, others at constant turn rate",
         planner: "gauss-newton",
+        planner_options: &[],
         planner_reads_log: false,
         predictor: Predictor::Ctrv,
         motion: MotionName::Bicycle,
@@ -78,8 +86,36 @@ pub const DRIVERS: &[Driver] = &[
         name: "gn-oracle",
         about: "The same with everybody's true future",
         planner: "gauss-newton",
+        planner_options: &[],
         planner_reads_log: false,
         predictor: Predictor::Oracle,
+        motion: MotionName::Bicycle,
+    },
+    Driver {
+        name: "dipp",
+        about: "The paper's own: Gauss-Newton from the network's plan, with the cost that it learned; needs --weights",
+        planner: "gauss-newton",
+        planner_options: &["--init", "network", "--weights", "learned"],
+        planner_reads_log: false,
+        predictor: Predictor::Network,
+        motion: MotionName::Bicycle,
+    },
+    Driver {
+        name: "sep",
+        about: "The same planner with hand-tuned cost, over a network that was trained without it; needs --weights",
+        planner: "gauss-newton",
+        planner_options: &["--init", "network"],
+        planner_reads_log: false,
+        predictor: Predictor::Network,
+        motion: MotionName::Bicycle,
+    },
+    Driver {
+        name: "il-pred",
+        about: "The network's own plan, without a planner; needs --weights",
+        planner: "network",
+        planner_options: &[],
+        planner_reads_log: false,
+        predictor: Predictor::Network,
         motion: MotionName::Bicycle,
     },
 ];

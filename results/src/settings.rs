@@ -90,6 +90,20 @@ pub struct Node {
     pub name: String,
     /// Whether it reads the log itself.
     pub reads_log: bool,
+    /// What it is told beside.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub options: Vec<String>,
+    /// SHA-256, in hexadecimal digits, of the weights that it has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weights_sha256: Option<String>,
+}
+
+impl Node {
+    /// The member of that name, with nothing beside.
+    #[must_use]
+    pub fn named(name: &str, reads_log: bool) -> Self {
+        Self { name: name.to_owned(), reads_log, options: Vec::new(), weights_sha256: None }
+    }
 }
 
 /// Which build drives.
@@ -127,6 +141,9 @@ pub struct Machine {
     pub start_timeout_s: f64,
     /// Where nodes connect, if it was asked for.
     pub endpoint: Option<String>,
+    /// Where the network's weights are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weights: Option<String>,
     /// The scenes, as they were asked for; none for the built-in demo set.
     pub scenarios: Vec<String>,
 }
@@ -238,7 +255,7 @@ pub(crate) mod tests {
 
     /// A run of one scene under the usual settings.
     pub(crate) fn run_file() -> RunFile {
-        let planner = Planner::Node(Node { name: "idm".to_owned(), reads_log: false });
+        let planner = Planner::Node(Node::named("idm", false));
         RunFile {
             settings: Settings {
                 driver: "idm".to_owned(),
@@ -249,7 +266,14 @@ pub(crate) mod tests {
                 protocol: Protocol::default(),
             },
             build: Build::this(),
-            machine: Machine { parallel: 2, pin: false, start_timeout_s: 20.0, endpoint: None, scenarios: Vec::new() },
+            machine: Machine {
+                parallel: 2,
+                pin: false,
+                start_timeout_s: 20.0,
+                endpoint: None,
+                weights: None,
+                scenarios: Vec::new(),
+            },
             scenes: vec![SceneLine { id: "a".to_owned(), sha256: "00".to_owned() }],
         }
     }
@@ -262,7 +286,7 @@ pub(crate) mod tests {
         assert_eq!(there.differences(&here), Vec::<String>::new());
         here.settings.deadline_s = 3.0;
         here.settings.driver = "idm-ctrv".to_owned();
-        here.settings.predictor = Some(Node { name: "ctrv".to_owned(), reads_log: false });
+        here.settings.predictor = Some(Node::named("ctrv", false));
         insta::assert_debug_snapshot!(there.differences(&here), @r#"
         [
             "settings.deadline-s: 5.0 there, 3.0 here",

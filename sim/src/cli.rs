@@ -55,6 +55,14 @@ pub struct RunArgs {
     #[arg(long, value_name = "NAME", help_heading = "What to drive")]
     pub predictor: Option<Predictor>,
 
+    /// Weights of the prediction network, a .safetensors file; for dipp, sep, il-pred and --predictor network
+    #[arg(long, value_name = "FILE", help_heading = "What to drive")]
+    pub weights: Option<PathBuf>,
+
+    /// How the network's features are made: authors, for weights of theirs, or mended [default: authors]
+    #[arg(long, value_name = "STYLE", value_parser = ["authors", "mended"], help_heading = "What to drive")]
+    pub features: Option<String>,
+
     /// A planner of your own: a shell command, told where to connect by RELOOP_* variables and by arguments
     #[arg(long, value_name = "COMMAND", conflicts_with = "planner", help_heading = "What to drive")]
     pub planner_command: Option<String>,

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use episode::protocol::{Motion, Protocol, SettingError, StrictSettings};
 use results::drivers::{self, MotionName, Predictor};
-use results::files;
+use results::files::{self, FileError};
 use results::settings::{Machine, Node, Planner, Settings};
 use thiserror::Error;
 
@@ -49,8 +49,18 @@ pub enum RequestError {
         "--motion playback puts the AV wherever the plan says: it is for the driver human, who was there\nhint: leave --motion out"
     )]
     Playback,
-    #[error("the driver {0} needs predictions\nhint: --predictor ctrv or oracle")]
+    #[error("the driver {0} needs predictions\nhint: --predictor ctrv, oracle or network")]
     NeedsPredictor(&'static str),
+    #[error(
+        "the predictor network of the driver {0} needs weights\nhint: --weights FILE.safetensors; docs/network.md says where from"
+    )]
+    NeedsWeights(String),
+    #[error(
+        "--weights and --features are for the predictor network, and the driver {0} has another\nhint: --predictor network, or one of dipp, sep, il-pred"
+    )]
+    NoNetwork(String),
+    #[error("cannot read the weights: {0}")]
+    Weights(#[from] FileError),
     #[error(transparent)]
     Setting(#[from] SettingError),
 }
@@ -72,7 +82,8 @@ impl Request {
                 (Planner::External, "external", Predictor::None, MotionName::Bicycle)
             }
             (None, None) => {
-                let node = Node { name: row.planner.to_owned(), reads_log: row.planner_reads_log };
+                let options = row.planner_options.iter().map(|option| (*option).to_owned()).collect();
+                let node = Node { options, ..Node::named(row.planner, row.planner_reads_log) };
                 (Planner::Node(node), row.name, row.predictor, row.motion)
             }
         };
@@ -81,9 +92,14 @@ impl Request {
         }
         let predictor = match arguments.predictor.unwrap_or(wants) {
             Predictor::None => None,
-            Predictor::Ctrv => Some(Node { name: "ctrv".to_owned(), reads_log: false }),
-            Predictor::Oracle => Some(Node { name: "oracle".to_owned(), reads_log: true }),
+            Predictor::Ctrv => Some(Node::named("ctrv", false)),
+            Predictor::Oracle => Some(Node::named("oracle", true)),
+            Predictor::Network => Some(network(name, arguments.weights.as_deref(), arguments.features.as_deref())?),
         };
+        let has_network = predictor.as_ref().is_some_and(|node| node.weights_sha256.is_some());
+        if !has_network && (arguments.weights.is_some() || arguments.features.is_some()) {
+            return Err(RequestError::NoNetwork(name.to_owned()));
+        }
         let driver = match (&arguments.label, &predictor) {
             (Some(label), _) => checked_label(label)?,
             // Another predictor than its own makes another driver: tables must not call both the same.
@@ -122,10 +138,18 @@ impl Request {
             pin: arguments.pin,
             start_timeout_s: arguments.start_timeout.unwrap_or(patience).as_secs_f64(),
             endpoint: arguments.endpoint,
+            weights: arguments.weights.map(|path| path.display().to_string()),
             scenarios: if arguments.paths.is_empty() { arguments.scenarios } else { arguments.paths },
         };
         Ok(Self { settings, machine, out: arguments.out, retry: arguments.retry, timing: arguments.timing })
     }
+}
+
+/// The predictor `network` of the driver `name`, with these weights.
+fn network(name: &str, weights: Option<&Path>, features: Option<&str>) -> Result<Node, RequestError> {
+    let weights = weights.ok_or_else(|| RequestError::NeedsWeights(name.to_owned()))?;
+    let options = vec!["--features".to_owned(), features.unwrap_or("authors").to_owned()];
+    Ok(Node { options, weights_sha256: Some(files::sha256([weights])?), ..Node::named("network", false) })
 }
 
 /// The files among the words of a shell command, with their SHA-256. What they load themselves is not seen.

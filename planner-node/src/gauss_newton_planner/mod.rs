@@ -179,7 +179,7 @@ impl Rules {
 
     /// The plan of these controls: under `paper` the poses of the authors' test model, from the speed (m/s) that was planned
     /// with, else what the vehicle can follow.
-    fn output(self, step: &StepInput<'_>, speed: f64, best: &Controls) -> (Vec<PlanState>, Vec<Control>) {
+    pub(crate) fn output(self, step: &StepInput<'_>, speed: f64, best: &Controls) -> (Vec<PlanState>, Vec<Control>) {
         let av = &step.observation.av;
         let mut wheel = step.observation.control.steering;
         let (model, speed) = match self {

@@ -238,6 +238,10 @@ impl Worker<'_> {
             let inputs = self.shared.file.machine.scenarios.iter();
             arguments.extend(inputs.flat_map(|input| ["--scenarios", input.as_str()]));
         }
+        arguments.extend(node.options.iter().map(String::as_str));
+        if node.weights_sha256.is_some() {
+            arguments.extend(self.shared.file.machine.weights.iter().flat_map(|path| ["--weights", path.as_str()]));
+        }
         self.shared.start_program(program, &format!("{role} {worker}"), &arguments, seat, &self.shared.groups)
     }
 
