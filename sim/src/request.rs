@@ -209,10 +209,34 @@ mod tests {
         }
     }
 
+    /// What names a driver; any file will do for weights, for they are not opened.
+    fn with_weights<'a>(driver: &drivers::Driver, more: &[&'a str]) -> Vec<&'a str> {
+        let weights: &[&str] = match driver.predictor {
+            Predictor::Network => &["--weights", concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml")],
+            _ => &[],
+        };
+        ["--driver", driver.name].iter().chain(weights).chain(more).copied().collect()
+    }
+
+    #[test]
+    fn other_weights_make_another_run() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("x.safetensors");
+        let line = ["--driver", "dipp", "--weights", file.to_str().unwrap()];
+        std::fs::write(&file, "one").unwrap();
+        let before = run_file(&line);
+        std::fs::write(&file, "two").unwrap();
+        let differences = before.differences(&run_file(&line));
+        assert!(matches!(&differences[..], [one] if one.contains("weights-sha256")), "{differences:?}");
+        assert_eq!(before.settings.driver, "dipp");
+        let idm = resolve(&["--predictor", "network", "--weights", file.to_str().unwrap()]);
+        assert_eq!(idm.settings.driver, "idm-network");
+    }
+
     #[test]
     fn the_human_is_played_back_and_all_others_steer() {
         for driver in drivers::DRIVERS {
-            let settings = resolve(&["--driver", driver.name]).settings;
+            let settings = resolve(&with_weights(driver, &[])).settings;
             let Protocol::Strict(strict) = settings.protocol else { panic!("strict is the default") };
             assert_eq!(strict.motion == Motion::Playback, driver.name == "human");
         }
@@ -221,7 +245,7 @@ mod tests {
     #[test]
     fn under_paper_all_move_alike_and_motion_is_no_choice() {
         for driver in drivers::DRIVERS {
-            let settings = resolve(&["--driver", driver.name, "--protocol", "paper"]).settings;
+            let settings = resolve(&with_weights(driver, &["--protocol", "paper"])).settings;
             assert_eq!((&settings.protocol, settings.protocol.motion_name()), (&Protocol::Paper, "first-pose"));
         }
         let refused = refusal(&["--protocol", "paper", "--motion", "bicycle"]);

@@ -55,9 +55,14 @@ fn help_says_what_can_be_typed() {
     What to drive:
           --scenarios <PATH>...        Scenes, as PATH is; takes all that follows up to the next option
           --driver <NAME>              Who drives [default: idm] [possible values: idm, human,
-                                       constant-velocity, gn-ctrv, gn-oracle]
+                                       constant-velocity, gn-ctrv, gn-oracle, dipp, sep, il-pred]
           --predictor <NAME>           Where predictions come from [default: what the driver wants]
-                                       [possible values: none, ctrv, oracle]
+                                       [possible values: none, ctrv, oracle, network]
+          --weights <FILE>             Weights of the prediction network, a .safetensors file; for dipp,
+                                       sep, il-pred and --predictor network
+          --features <STYLE>           How the network's features are made: authors, for weights of
+                                       theirs, or mended [default: authors] [possible values: authors,
+                                       mended]
           --planner-command <COMMAND>  A planner of your own: a shell command, told where to connect by
                                        RELOOP_* variables and by arguments
           --planner <WHICH>            A planner that you start yourself, with --worker '*' and the
@@ -122,7 +127,7 @@ fn what_makes_no_sense_is_refused_with_code_2_and_a_hint() {
     --- stdout
     --- stderr
     error: invalid value 'nobody' for '--driver <NAME>'
-      [possible values: idm, human, constant-velocity, gn-ctrv, gn-oracle]
+      [possible values: idm, human, constant-velocity, gn-ctrv, gn-oracle, dipp, sep, il-pred]
 
     For more information, try '--help'.
     ");

@@ -26,6 +26,7 @@ mod future;
 mod healed;
 mod interrupt;
 mod killed;
+mod network;
 mod nodes;
 mod paper;
 mod pause;
