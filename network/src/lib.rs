@@ -1,27 +1,28 @@
-//! The prediction network of the DIPP paper (section III-B): from a step as a node knows it to three joint futures, the AV's own
-//! plan in each, and the weights of the planner's cost. Pure: no file, no message, no learning framework.
+//! The learned predictor of DIPP: what it is shown, what it has learned, what it says.
 //!
 //! ```text
-//! map, histories, signals ──features──▶ Frame ──inference──▶ Forecast
-//!                                                  ▲
-//!                            safetensors ──▶ Weights
+//! a logged scene ─┐                        Weights (a file's bytes) ──▶ Network
+//!                 ├─▶ Window ──▶ features ──▶ Frame ──────────────────────▶ forward ──▶ Prediction
+//! observations ───┘
 //! ```
+//!
+//! The architecture is the authors', number for number (paper section III-B; `network.md` is cited throughout). Pure: no IO, no
+//! message, no learning framework.
 //!
 //! | module | what |
 //! | --- | --- |
-//! | [`features`] | what a node knows, as the network is asked it: once for logged windows and live drives |
-//! | [`frame`] | the question; the paper's tensors, and back |
-//! | [`weights`] | the parameters under the authors' names; safetensors |
-//! | [`inference`] | the answer, number for number that of the authors' code |
-//! | [`gemm`], [`activation`] | products and functions in f32 with the same bits on every machine |
-//!
-//! **Same bytes.** Every sum has a fixed order and every product is one fused multiply-add, whatever the width of the core's vectors;
-//! exponentials are our own. So an answer is the same bytes on every machine, alone and among others. Without an FMA unit (x86-64
-//! before 2013) the multiply-adds are computed by software: the same bytes, a hundred times slower.
+//! | [`features`] | from what a node knows at a step to a frame |
+//! | [`weights`] | the weights, by name, in and out of files |
+//! | [`inference`] | the network as a function of a frame |
+//! | [`verify`] | both against the numbers of other implementations |
+//! | [`fuzzing`] | what every file must keep |
 
-pub mod activation;
+pub mod constants;
 pub mod features;
-pub mod frame;
-pub mod gemm;
+mod frame;
+pub mod fuzzing;
 pub mod inference;
+pub mod verify;
 pub mod weights;
+
+pub use frame::{Attention, Frame, Prediction, Presence};

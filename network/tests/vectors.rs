@@ -1,61 +1,77 @@
-//! The network beside the authors' own outputs; skipped where they are not there.
+//! The network and its features against the numbers of the authors' code.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test may panic, and prints its table")]
 
-use network::frame::{Frame, Tensors};
-use network::inference::{Forecast, Memory, Network};
-use network::weights::formula;
-use vectors::Npz;
+use std::sync::Arc;
 
-fn single(npz: &Npz, name: &str, shape: &[usize]) -> Vec<f32> {
-    let shape: Vec<Option<usize>> = shape.iter().copied().map(Some).collect();
-    npz.array(name, &shape).unwrap().iter().map(|value| *value as f32).collect()
-}
+use network::inference::Network;
+use network::verify;
+use network::weights::Weights;
+use scenarios::SceneSet;
+use world::scene::Scene;
 
-fn frame(npz: &Npz) -> Frame {
-    let tensors = Tensors {
-        ego: single(npz, "ego", &[20, 8]),
-        neighbors: single(npz, "neighbors", &[10, 20, 9]),
-        map_lanes: single(npz, "map_lanes", &[11, 6, 100, 17]),
-        map_crosswalks: single(npz, "map_crosswalks", &[11, 4, 100, 3]),
-    };
-    Frame::of_tensors(&tensors).unwrap()
-}
-
-fn worst<'a>(got: impl IntoIterator<Item = &'a f32>, wanted: &[f64]) -> f64 {
-    let got: Vec<f64> = got.into_iter().map(|value| f64::from(*value)).collect();
-    assert_eq!(got.len(), wanted.len());
-    got.iter().zip(wanted).map(|(a, b)| (a - b).abs()).fold(0.0, |most, d| if d <= most { most } else { d })
+fn scenes() -> Option<impl FnMut(&str) -> Option<Arc<Scene>>> {
+    let folder = vectors::shared("data/womd-derived/20s")?;
+    let set = SceneSet::open(&[folder.display().to_string()]).unwrap();
+    Some(move |name: &str| {
+        let index = set.entries().iter().position(|entry| entry.id.as_str() == name)?;
+        Some(set.load(index).unwrap().0)
+    })
 }
 
 #[test]
-fn outputs_of_the_formula_weights_are_the_authors() {
-    let (Some(features), Some(outputs)) =
-        (vectors::shared("dipp/feature-vectors"), vectors::shared("dipp/network-vectors"))
-    else {
-        return;
-    };
-    let network = Network::of(&formula::weights());
-    let mut memory = Memory::default();
-    let mut forecast = Forecast::default();
-    for path in vectors::npz_files(&outputs).unwrap() {
-        let wanted = Npz::read(&path).unwrap();
-        let frame = frame(&Npz::read(&features.join(path.file_name().unwrap())).unwrap());
-        network.forecast(&frame, &mut memory, &mut forecast);
-        let array = |name: &str, shape: &[usize]| {
-            wanted.array(name, &shape.iter().copied().map(Some).collect::<Vec<_>>()).unwrap().to_vec()
-        };
-        let plans = worst(forecast.plans.as_flattened().as_flattened(), &array("plans_f64", &[3, 50, 2]));
-        let predictions = worst(
-            forecast.predictions.iter().flat_map(|p| p.as_flattened().as_flattened()),
-            &array("predictions_f64", &[3, 10, 50, 3]),
-        );
-        let scores = worst(&forecast.scores, &array("scores_f64", &[3]));
-        let cost = worst(&forecast.cost_weights, &array("cost_weights_f64", &[9]));
-        println!(
-            "{}: plans {plans:.1e}, predictions {predictions:.1e}, scores {scores:.1e}, cost weights {cost:.1e}",
-            path.file_stem().unwrap().to_string_lossy()
-        );
-        assert!(plans <= 1e-5 && predictions <= 1e-4 && scores <= 2e-5 && cost <= 1e-6);
+fn every_feature_of_the_authors_frames_holds() {
+    let (Some(folder), Some(scenes)) = (vectors::shared("dipp/feature-vectors"), scenes()) else { return };
+    let report = verify::verify_features(&folder, scenes).unwrap();
+    println!("{report}");
+    assert!(report.holds(), "{report}");
+}
+
+/// Compares the drives of `model`, a network of these weights, in the scenes that `wanted` takes.
+fn drives(weights: &str, model: &str, wanted: impl Fn(&str) -> bool) -> Option<vectors::Report> {
+    let folder = vectors::shared("dipp/trained")?;
+    let bytes = std::fs::read(folder.join(format!("{weights}.f16.safetensors"))).unwrap();
+    let network = Network::new(&Weights::read(&bytes).unwrap()).unwrap();
+    let mut scenes = scenes()?;
+    let scene = |name: &str| if wanted(name) { scenes(name) } else { None };
+    let report = verify::verify_drives(&network, (&folder.join("drives"), model), scene).unwrap();
+    println!("{report}");
+    Some(report)
+}
+
+#[test]
+fn a_trained_network_says_at_every_step_of_a_drive_what_the_authors_does() {
+    // One with controls and predictions, and the shortest.
+    let wanted = |name: &str| name == "53e9adfdac0eb822" || name == "b36a6d0bc9e525bc";
+    let Some(report) = drives("dipp42", "dipp42", wanted) else { return };
+    assert!(report.holds(), "{report}");
+}
+
+#[test]
+#[ignore = "a minute"]
+fn trained_networks_do_so_in_all_their_drives() {
+    for model in ["dipp42", "sep42"] {
+        let Some(report) = drives(model, model, |_| true) else { return };
+        assert!(report.holds(), "{report}");
+    }
+    let Some(report) = drives("sep42", "ilpred42", |_| true) else { return };
+    let text = report.to_string();
+    // Of these drives neither controls nor predictions are written down.
+    assert_eq!(text.matches("OUT").count() - text.matches("never compared").count(), 1, "{text}");
+}
+
+#[test]
+fn every_file_of_vectors_is_known_by_what_it_holds() {
+    use verify::Kind;
+    let folders = [
+        ("dipp/feature-vectors", Some(Kind::Features)),
+        ("dipp/network-vectors", Some(Kind::Outputs)),
+        ("dipp/trained/drives", Some(Kind::Drive)),
+    ];
+    for (folder, kind) in folders {
+        let Some(folder) = vectors::shared(folder) else { return };
+        for path in vectors::npz_files(&folder).unwrap() {
+            assert_eq!(Kind::of(&vectors::Npz::read(&path).unwrap()), kind);
+        }
     }
 }

@@ -1,12 +1,24 @@
 //! What can be typed.
 
-use clap::Parser;
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand};
 use predictor_node::{Options, PredictorKind};
 
 /// Serves a predictor on the bus of a run
 #[derive(Debug, Parser)]
-#[command(name = "predictor-node")]
+#[command(name = "predictor-node", args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct Cli {
+    #[command(flatten)]
+    pub serve: Option<Serve>,
+    #[command(subcommand)]
+    pub command: Option<Command>,
+}
+
+// The group says whether there is anything to serve; clap leaves it empty where a member is flattened.
+#[derive(Debug, clap::Args)]
+#[group(id = "serve", args = ["predictor"])]
+pub struct Serve {
     /// Which predictor
     #[arg(long, value_enum)]
     pub predictor: PredictorKind,
@@ -14,4 +26,24 @@ pub struct Cli {
     pub options: Options,
     #[command(flatten)]
     pub node: wire::node::Options,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Hold the prediction network to numbers of the authors' code
+    ///
+    /// Of the folder: the features of `feature-vectors`, if the scenes are given; the outputs of `network-vectors`, by the weights
+    /// `formula`; each step of the drives in `trained/drives` by weights of their name. Prints the worst deviation of each quantity beside its
+    /// tolerance. Exits with 1 when one is out.
+    Verify {
+        /// A .safetensors file, or formula: weights for tests, made by a formula
+        #[arg(long, value_name = "FILE")]
+        weights: PathBuf,
+        /// The folder that holds `feature-vectors`, `network-vectors` and `trained`
+        #[arg(long, value_name = "DIR")]
+        vectors: PathBuf,
+        /// Where the scenes of the vectors are: files, folders, globs, scene sets
+        #[arg(long, value_name = "PATH", num_args = 1..)]
+        scenarios: Vec<String>,
+    },
 }

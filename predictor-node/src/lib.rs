@@ -7,12 +7,15 @@
 //! | `network` | `network.rs` | the prediction network of the DIPP paper; its mathematics is [`mod@::network`] |
 //! | `oracle` | `oracle.rs` | what the log says; reads the scene set by itself |
 //!
+//! [`verify`](mod@verify) holds the network to numbers of the authors' code.
+//!
 //! A predictor is pure: what it answers depends on its inputs alone. To add one: a file, a member of [`PredictorKind`], a
 //! line in [`PredictorKind::factory`].
 
 mod ctrv;
 mod network;
 mod oracle;
+pub mod verify;
 
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -2,7 +2,11 @@
 
 mod cli;
 
+use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
+
+use anyhow::bail;
+use predictor_node::verify::verify;
 
 use tracing_subscriber::EnvFilter;
 use wire::node::Stop;
@@ -14,9 +18,8 @@ fn main() -> ExitCode {
         .with_ansi(terminal::colours(&std::io::stderr()))
         .with_writer(std::io::stderr)
         .init();
-    match serve(&cli) {
-        Ok(Stop::Interrupted) => ExitCode::from(130),
-        Ok(Stop::ParentGone | Stop::SimGone) => ExitCode::SUCCESS,
+    match run(cli) {
+        Ok(code) => code,
         Err(e) => {
             eprintln!("error: {e:#}");
             ExitCode::from(2)
@@ -24,7 +27,31 @@ fn main() -> ExitCode {
     }
 }
 
-fn serve(cli: &cli::Cli) -> anyhow::Result<Stop> {
-    let factory = cli.predictor.factory(&cli.options)?;
-    Ok(wire::node::serve_predictor(&cli.node, factory)?)
+fn run(cli: cli::Cli) -> anyhow::Result<ExitCode> {
+    if let Some(cli::Command::Verify { weights, vectors, scenarios }) = cli.command {
+        let reports = verify(&weights, &vectors, &scenarios)?;
+        for (title, report) in &reports {
+            say(&format!("{title}\n{report}\n"))?;
+        }
+        return Ok(if reports.iter().all(|(_, report)| report.holds()) {
+            ExitCode::SUCCESS
+        } else {
+            ExitCode::from(1)
+        });
+    }
+    // clap lets nothing pass that has neither.
+    let Some(serve) = cli.serve else { bail!("nothing to do: give --predictor") };
+    let factory = serve.predictor.factory(&serve.options)?;
+    Ok(match wire::node::serve_predictor(&serve.node, factory)? {
+        Stop::Interrupted => ExitCode::from(130),
+        Stop::ParentGone | Stop::SimGone => ExitCode::SUCCESS,
+    })
+}
+
+/// Whoever closes the pipe has read enough.
+fn say(text: &str) -> std::io::Result<()> {
+    match std::io::stdout().write_all(text.as_bytes()) {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        result => result,
+    }
 }

@@ -4,18 +4,16 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use network::features::{Features, Moment, Other, Style};
-use network::frame::{Frame, HISTORY};
-use network::inference::{Forecast, Memory, Network as Model};
-use network::weights::Weights;
-use network::weights::file::WeightsError;
+use network::Prediction as Answer;
+use network::features::{Features, History, SceneFeatures, Settings};
+use network::inference::{Network as Model, Workspace};
+use network::weights::{Weights, WeightsError};
 use thiserror::Error;
 use wire::node::{Predictor, PredictorFactory, StepInput};
 use world::geometry::{Point, Pose, wrap_angle};
 use world::observation::Briefing;
-use world::plan::{Control, Future, PredictedTrajectory, UncheckedPrediction};
+use world::plan::{Control, Future, PLAN_STEPS, PredictedTrajectory, UncheckedPrediction};
 use world::scene::TrackId;
-use world::signal::Signal;
 
 /// How features are made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -27,7 +25,7 @@ pub enum FeatureStyle {
     Mended,
 }
 
-impl From<FeatureStyle> for Style {
+impl From<FeatureStyle> for Settings {
     fn from(style: FeatureStyle) -> Self {
         match style {
             FeatureStyle::Authors => Self::Authors,
@@ -51,7 +49,7 @@ pub enum NetworkError {
 /// The predictor `network`.
 pub struct Network {
     model: Arc<Model>,
-    style: Style,
+    settings: Settings,
 }
 
 impl Network {
@@ -60,23 +58,29 @@ impl Network {
     /// # Errors
     /// [`NetworkError`] where they cannot be read.
     pub fn open(path: Option<&Path>, style: FeatureStyle) -> Result<Self, NetworkError> {
-        let path = path.ok_or(NetworkError::NoWeights)?.to_owned();
-        let bytes = std::fs::read(&path).map_err(|source| NetworkError::File { path: path.clone(), source })?;
-        let weights = Weights::from_safetensors(&bytes).map_err(|source| NetworkError::Weights { path, source })?;
-        Ok(Self { model: Arc::new(Model::of(&weights)), style: style.into() })
+        let model = model(path.ok_or(NetworkError::NoWeights)?)?;
+        Ok(Self { model: Arc::new(model), settings: style.into() })
     }
+}
+
+/// The network with the weights in the file `path`.
+///
+/// # Errors
+/// [`NetworkError`].
+pub(crate) fn model(path: &Path) -> Result<Model, NetworkError> {
+    let bytes = std::fs::read(path).map_err(|source| NetworkError::File { path: path.to_owned(), source })?;
+    let model = Weights::read(&bytes).and_then(|weights| Model::new(&weights));
+    model.map_err(|source| NetworkError::Weights { path: path.to_owned(), source })
 }
 
 impl PredictorFactory for Network {
     fn start(&self, briefing: &Briefing) -> Result<Box<dyn Predictor>, String> {
         Ok(Box::new(Drive {
             model: Arc::clone(&self.model),
-            features: Features::new(&briefing.map, self.style),
-            frame: Frame::default(),
-            memory: Memory::default(),
-            forecast: Forecast::default(),
-            others: Vec::new(),
-            signals: Vec::new(),
+            features: SceneFeatures::new(&briefing.map, self.settings),
+            history: History::new(briefing),
+            workspace: Workspace::new(1),
+            answer: [Answer::empty()],
         }))
     }
 }
@@ -84,77 +88,44 @@ impl PredictorFactory for Network {
 /// The predictor in one episode.
 struct Drive {
     model: Arc<Model>,
-    features: Features,
-    frame: Frame,
-    memory: Memory,
-    forecast: Forecast,
-    others: Vec<Other>,
-    signals: Vec<Signal>,
+    features: SceneFeatures,
+    history: History,
+    workspace: Workspace,
+    answer: [Answer; 1],
 }
 
 impl Predictor for Drive {
     fn predict(&mut self, step: &StepInput<'_>) -> Result<UncheckedPrediction, String> {
         let observation = step.observation;
-        let now = observation.log_index;
-        let mut av = [observation.av; HISTORY];
-        let mut known = step.history.steps().rev().filter(|past| past.log_index <= now).map(|past| past.av);
-        // Whose history is shorter stood where it was first seen.
-        let mut last = observation.av;
-        for state in av.iter_mut().rev() {
-            last = known.next().unwrap_or(last);
-            *state = last;
-        }
-        self.others.clear();
-        self.others.extend(observation.agents.iter().map(|agent| {
-            let at = |row: usize| {
-                let index = (now + row as u32 + 1).checked_sub(HISTORY as u32)?;
-                step.history.state(agent.track, index).copied()
-            };
-            let mut history: [_; HISTORY] = std::array::from_fn(at);
-            history[HISTORY - 1] = Some(agent.state);
-            Other { kind: agent.kind, history }
-        }));
-        self.signals.clear();
-        self.signals.extend(observation.signals.iter().map(|seen| seen.signal));
-        let av_is_logged = observation.step == 0;
-        let moment = Moment { av, av_is_logged, others: &self.others, signals: &self.signals };
-        let sources = self.features.frame(&moment, &mut self.frame);
-        self.model.forecast(&self.frame, &mut self.memory, &mut self.forecast);
-        let tracks: Vec<TrackId> = sources.neighbors.iter().map(|other| observation.agents[*other].track).collect();
-        Ok(self.answer(observation.step, observation.av.pose(), &tracks))
+        let features = self.features.at(&self.history.observe(observation));
+        self.model.forward(&[&features.frame], &mut self.workspace, &mut self.answer);
+        Ok(answered(&self.answer[0], &features, observation.step, observation.av.pose()))
     }
 }
 
-impl Drive {
-    fn answer(&self, step: u32, av: Pose, tracks: &[TrackId]) -> UncheckedPrediction {
-        let in_the_log = |[x, y, heading]: &[f32; 3]| {
-            let place = av.to_world(Point::new(f64::from(*x), f64::from(*y)));
-            Pose::new(place.x, place.y, wrap_angle(f64::from(*heading) + av.heading))
-        };
-        let probabilities = self.forecast.probabilities();
-        let futures = self.forecast.predictions.iter().zip(probabilities).map(|(predictions, probability)| Future {
-            probability: f64::from(probability),
-            trajectories: tracks
-                .iter()
-                .zip(predictions)
-                .map(|(track, poses)| PredictedTrajectory {
-                    track: *track,
-                    poses: poses.iter().map(in_the_log).collect(),
-                })
-                .collect(),
-        });
-        // Of equally likely ones the first, as of the planner's.
-        let likeliest =
-            (1..probabilities.len()).fold(0, |a, b| if probabilities[b] > probabilities[a] { b } else { a });
-        let control = |[acceleration, steering]: &[f32; 2]| Control {
-            acceleration: (*acceleration).into(),
-            steering: (*steering).into(),
-        };
-        UncheckedPrediction {
-            step,
-            futures: futures.collect(),
-            initial_controls: self.forecast.plans[likeliest].iter().map(control).collect(),
-            cost_weights: self.forecast.cost_weights.map(f64::from).to_vec(),
-        }
+/// The message of an answer, in the log's frame.
+fn answered(answer: &Answer, features: &Features, step: u32, av: Pose) -> UncheckedPrediction {
+    let in_the_log = |[x, y, heading]: &[f32; 3]| {
+        let place = av.to_world(Point::new(f64::from(*x), f64::from(*y)));
+        Pose::new(place.x, place.y, wrap_angle(f64::from(*heading) + av.heading))
+    };
+    let trajectory = |(track, poses): (&TrackId, &[[f32; 3]; PLAN_STEPS])| PredictedTrajectory {
+        track: *track,
+        poses: poses.iter().map(in_the_log).collect(),
+    };
+    let futures = answer.poses.iter().zip(answer.probabilities).take(answer.futures);
+    let futures = futures.map(|(poses, probability)| Future {
+        probability: f64::from(probability),
+        trajectories: features.tracks.iter().zip(poses).map(trajectory).collect(),
+    });
+    let control = |[acceleration, steering]: &[f32; 2]| Control {
+        acceleration: f64::from(*acceleration),
+        steering: f64::from(*steering),
+    };
+    UncheckedPrediction {
+        step,
+        futures: futures.collect(),
+        initial_controls: answer.controls[answer.most_probable()].iter().map(control).collect(),
+        cost_weights: answer.cost_weights.map_or_else(Vec::new, |weights| weights.map(f64::from).to_vec()),
     }
 }

@@ -218,6 +218,8 @@ fn parse_npy(bytes: &[u8]) -> Result<Array, String> {
         "<f4" => chunks(data, |b| f64::from(f32::from_le_bytes(b))),
         "<i8" => chunks(data, |b| i64::from_le_bytes(b) as f64),
         "<i4" => chunks(data, |b| f64::from(i32::from_le_bytes(b))),
+        "<i2" => chunks(data, |b| f64::from(i16::from_le_bytes(b))),
+        "|i1" => data.iter().map(|b| f64::from(b.cast_signed())).collect(),
         "|b1" | "|u1" => data.iter().map(|b| f64::from(*b)).collect(),
         kind => return Err(format!("has type {kind}, which is not known")),
     };

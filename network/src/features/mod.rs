@@ -1,248 +1,181 @@
-//! From what a node knows at a step to what the network is asked (paper III-B): the same for a logged window and for a live drive.
+//! What the network is shown at a step (`network.md` 1 to 4): tensors of the AV, its nearest agents, and the map around each.
 //!
-//! | module | what |
+//! ```text
+//! Scene, step ─────────▶ Window ─┐
+//! Briefing ──▶ History ──▶ Window ├──▶ SceneFeatures::at ──▶ Features (Frame, and what is in it)
+//! Map ──▶ SceneFeatures ─────────┘
+//! ```
+//!
+//! The static part of a scene is prepared once, by [`SceneFeatures::new`]; there is one function for logged and for live steps.
+//! Where [`Settings`] is matched, they differ.
+//!
+//! | file | what |
 //! | --- | --- |
-//! | `map` | what does not change within a scene |
-//! | `agents` | histories, with what is missing filled in |
-//! | `lanes` | which lanes an agent may be on, and where they lead |
-//! | `crosswalks` | which crosswalks lie before an agent |
-//! | `transform`, `sampling` | the AV's frame; a hundred points |
+//! | `settings` | whose features: the authors', or with their bugs mended |
+//! | `window` | what is known at a step, from a scene or from observations |
+//! | `av_frame` | into the AV's frame, rounded |
+//! | `agents` | rows of agents |
+//! | `lane_search`, `sequences`, `lane_points` | lanes of an agent, those that follow, their points |
+//! | `crosswalks` | crosswalks ahead |
 
 mod agents;
+mod av_frame;
 mod crosswalks;
-mod lanes;
-mod map;
-mod sampling;
-mod transform;
+mod lane_points;
+mod lane_search;
+mod sequences;
+mod settings;
+mod window;
 
-use world::geometry::{Point, Pose};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use world::geometry::Pose;
 use world::map::{Map, MapId};
-use world::scene::{AgentKind, AgentState};
-use world::signal::Signal;
+use world::scene::{AgentKind, TrackId};
 
-use self::lanes::LaneSearch;
-use self::map::PreparedMap;
-use self::transform::Transform;
-use crate::frame::{AGENTS, CROSSWALKS, Frame, HISTORY, LANES, LanePoint, Motion, NEIGHBORS, POINTS, Sequence};
+use crate::constants::{AGENTS, CROSSWALKS, LANES};
+use crate::frame::{Frame, Presence};
+use av_frame::AvFrame;
+use crosswalks::Crosswalk;
+use lane_points::{Light, PreparedLane};
+use lane_search::{LaneSearch, beside};
 
-pub use self::agents::History;
+pub use settings::Settings;
+pub use window::{History, Neighbor, Window};
 
-/// How features are made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Style {
-    /// As the authors' code makes them, quirk for quirk: for their weights.
-    Authors,
-    /// Without what is plainly a bug: for weights that were trained so.
-    Mended,
-}
-
-/// Points that are walked along a sequence of lanes: about 150 m.
-const WALKED: usize = 300;
-
-/// A lane's point is at the stop point if it is nearer than this (m).
-const AT_STOP: f64 = 1.0;
-
-/// Somebody else at a step.
-#[derive(Clone, Copy, Debug)]
-pub struct Other {
-    /// What it is.
-    pub kind: AgentKind,
-    /// Where it was.
-    pub history: History,
-}
-
-/// What is known at a step, in the log's frame.
+/// The static part of a scene.
 #[derive(Clone, Debug)]
-pub struct Moment<'a> {
-    /// The AV's last 20 states, oldest first; the last one now.
-    pub av: [AgentState; HISTORY],
-    /// Whether they are the log's own, which the authors hold in f32.
-    pub av_is_logged: bool,
-    /// Everybody else, in the log's order.
-    pub others: &'a [Other],
-    /// What is shown now, in the log's order.
-    pub signals: &'a [Signal],
-}
-
-/// Which lanes and neighbors went into a frame.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Sources {
-    /// For each neighbor its place among the moment's others.
-    pub neighbors: Vec<usize>,
-    /// For each agent its sequences: each lane, and the number of the point that it is entered at.
-    pub lanes: [Vec<Vec<(MapId, usize)>>; AGENTS],
-    /// For each agent how many sequences there were.
-    pub candidates: [Option<usize>; AGENTS],
-}
-
-/// Makes frames of one scene.
-#[derive(Clone, Debug)]
-pub struct Features {
-    style: Style,
-    map: PreparedMap,
+pub struct SceneFeatures {
+    settings: Settings,
+    map: Arc<Map>,
+    indices: BTreeMap<MapId, usize>,
+    lanes: Vec<PreparedLane>,
     search: LaneSearch,
-    /// For each lane its signal: state, and where cars stop.
-    lights: Vec<Option<(u8, Point)>>,
-    /// For each point of the map its number in the frame.
-    numbers: Vec<Option<u16>>,
-    used: Vec<usize>,
+    crosswalks: Vec<(usize, Crosswalk)>,
 }
 
-impl Features {
-    /// For the scenes of `map`.
+/// The features of a step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Features {
+    /// The network's input.
+    pub frame: Frame,
+    /// The neighbours, in their order.
+    pub tracks: Vec<TrackId>,
+    /// What each agent that is there is shown of the map, the AV first.
+    pub views: Vec<View>,
+}
+
+/// What an agent is shown of the map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// Its lane sequences, in their slots.
+    pub sequences: Vec<Sequence>,
+    /// How many sequences there were to choose from; none where the agent is not there.
+    pub candidates: Option<usize>,
+    /// Its crosswalks, in their slots.
+    pub crosswalks: Vec<MapId>,
+}
+
+/// Lanes one after another.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sequence {
+    /// Each lane, and the point of it that the sequence begins with.
+    pub lanes: Vec<(MapId, usize)>,
+}
+
+impl SceneFeatures {
+    /// Prepares a map.
     #[must_use]
-    pub fn new(map: &Map, style: Style) -> Self {
-        let map = PreparedMap::of(map, style);
-        let (lights, numbers) = (vec![None; map.lanes.len()], vec![None; map.points.len()]);
-        Self { style, map, search: LaneSearch::default(), lights, numbers, used: Vec::new() }
-    }
-
-    /// The frame at a moment, in `frame`; and where it comes from.
-    pub fn frame(&mut self, moment: &Moment<'_>, frame: &mut Frame) -> Sources {
-        let style = self.style;
-        let mut sources = Sources::default();
-        frame.lane_points.clear();
-        frame.crosswalk_points.clear();
-        self.light(moment.signals);
-        let now = moment.av[HISTORY - 1];
-        let transform = Transform::to(now.pose(), style);
-        sources.neighbors = neighbors(moment.others, now.position());
-        frame.agents = Default::default();
-        let mut crosswalks = vec![None; self.map.crosswalks.len()];
-        for index in 0..=sources.neighbors.len() {
-            let other = index.checked_sub(1).map(|neighbor| &moment.others[sources.neighbors[neighbor]]);
-            let agent = &mut frame.agents[index];
-            let pose: Pose;
-            (agent.history, pose) = match other {
-                None => agents::rows(
-                    &moment.av.map(Some),
-                    &transform,
-                    style,
-                    style == Style::Authors && moment.av_is_logged,
-                ),
-                Some(other) => agents::rows(&other.history, &transform, style, style == Style::Authors),
-            };
-            let kind = other.map_or(AgentKind::Vehicle, |other| other.kind);
-            agent.motion = Motion::of_code(agents::code(kind));
-            agent.masked = style == Style::Authors && agent.history[HISTORY - 1][7] == 0.0;
-            // To the authors, who stands at x = 0 is nobody.
-            if style == Style::Authors && pose.x == 0.0 {
-                continue;
-            }
-            let on_foot = kind == AgentKind::Pedestrian;
-            self.search.run(&self.map, pose, on_foot, style, LANES);
-            sources.candidates[index] = Some(self.search.candidates);
-            for slot in 0..self.search.sequences.len() {
-                sources.lanes[index].push(self.told(slot));
-                let sequence = self.sequence(slot, &transform, &mut frame.lane_points);
-                frame.agents[index].lanes[slot] = sequence;
-            }
-            let before = crosswalks::before(&self.map.crosswalks, pose);
-            for (slot, number) in frame.agents[index].crosswalks.iter_mut().zip(before.take(CROSSWALKS)) {
-                let first = *crosswalks[number].get_or_insert_with(|| {
-                    let first = frame.crosswalk_points.len();
-                    let outline = self.map.crosswalks[number].outline.iter();
-                    frame.crosswalk_points.extend(outline.map(|vertex| transform.vertex(vertex, false)));
-                    first
-                });
-                let masked = style == Style::Authors && frame.crosswalk_points[first][0] == 0.0;
-                *slot = Some(Sequence { points: std::array::from_fn(|k| (first + k) as u16), masked });
-            }
-        }
-        for agent in frame.agents[1 + sources.neighbors.len()..].iter_mut() {
-            agent.masked = true;
-        }
-        self.used.drain(..).for_each(|point| self.numbers[point] = None);
-        sources
-    }
-
-    /// What each lane is shown: the authors let it leak to the lanes that lead there.
-    fn light(&mut self, signals: &[Signal]) {
-        self.lights.fill(None);
-        for signal in signals {
-            let Some(lane) = self.map.lane_of.get(&signal.lane) else { continue };
-            let shown = Some((signal.state as u8, signal.stop_point.xy()));
-            self.lights[*lane] = shown;
-            if self.style == Style::Authors {
-                self.map.lanes[*lane].entries.iter().for_each(|entry| self.lights[*entry] = shown);
-            }
+    pub fn new(map: &Arc<Map>, settings: Settings) -> Self {
+        let indices = map.lane_indices();
+        Self {
+            settings,
+            lanes: lane_points::prepare(map, &indices),
+            search: LaneSearch::new(map),
+            crosswalks: crosswalks::prepare(map),
+            indices,
+            map: Arc::clone(map),
         }
     }
 
-    fn start(&self, lane: usize) -> usize {
-        // A lane that was reached twice keeps the later start.
-        self.search.entries.iter().rev().find(|(entry, _)| *entry == lane).map_or(0, |(_, start)| *start)
+    /// The features of a step.
+    #[must_use]
+    pub fn at(&self, window: &Window) -> Features {
+        let authors = self.settings == Settings::Authors;
+        let av_frame = AvFrame::new(window.av.pose(), self.settings);
+        let lights = lane_points::lights(&window.signals, &self.lanes, &self.indices, self.settings);
+        let mut frame = Frame::empty();
+        frame.ego = agents::ego(window, &av_frame);
+        let av = agents::pose_for_search(&window.av, authors && window.av_is_logged);
+        let mut views = vec![self.view((0, av, false), &lights, &av_frame, &mut frame)];
+        for (index, neighbor) in window.neighbors.iter().enumerate().take(AGENTS - 1) {
+            frame.neighbors[index] = agents::neighbor(neighbor, &av_frame);
+            let pose = agents::pose_for_search(&neighbor.now, authors);
+            // To the authors an agent at x = 0 is none.
+            views.push(if authors && pose.x == 0.0 {
+                View { sequences: Vec::new(), candidates: None, crosswalks: Vec::new() }
+            } else {
+                let is_pedestrian = neighbor.kind == AgentKind::Pedestrian;
+                self.view((index + 1, pose, is_pedestrian), &lights, &av_frame, &mut frame)
+            });
+        }
+        frame.presence = if authors { frame.presence_by_zeros() } else { presence(&views) };
+        Features { frame, tracks: window.neighbors.iter().map(|neighbor| neighbor.track).collect(), views }
     }
 
-    fn told(&self, slot: usize) -> Vec<(MapId, usize)> {
-        let lanes = self.search.sequences[slot].iter();
-        lanes.map(|lane| (self.map.lanes[*lane].id, self.start(*lane))).collect()
-    }
-
-    /// The points along a sequence; those that the frame does not hold yet are added to it.
-    fn sequence(&mut self, slot: usize, transform: &Transform, points: &mut Vec<LanePoint>) -> Option<Sequence> {
-        let mut walked = [(0_usize, 0_usize); WALKED];
-        let mut count = 0;
-        'lanes: for lane in &self.search.sequences[slot] {
-            for index in self.start(*lane)..self.map.lanes[*lane].count {
-                walked[count] = (*lane, index);
-                count += 1;
-                if count == WALKED {
-                    break 'lanes;
-                }
+    /// Fills the slots of agent number `agent`.
+    fn view(
+        &self,
+        (agent, pose, is_pedestrian): (usize, Pose, bool),
+        lights: &BTreeMap<usize, Light>,
+        av_frame: &AvFrame,
+        frame: &mut Frame,
+    ) -> View {
+        let mut starts = self.search.current(pose, is_pedestrian, &self.lanes, self.settings);
+        if !is_pedestrian {
+            let beside = beside(&starts, pose, &self.lanes);
+            starts.extend(beside);
+        }
+        if self.settings == Settings::Mended {
+            starts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        }
+        let chains = sequences::follow(&starts, &self.lanes, self.settings);
+        let slots = frame.lanes[agent * LANES..][..LANES].iter_mut();
+        let sequences = chains.iter().zip(slots).map(|(chain, slot)| {
+            let firsts = chain.starts(&starts);
+            let points = chain.points(&firsts, &self.lanes);
+            let (lane, point) = points[0];
+            let is_normed = self.settings == Settings::Mended || self.lanes[lane].points[point].pose.x as f32 != 0.0;
+            let mut last = None;
+            for ((lane, point), row) in points.into_iter().zip(slot.iter_mut()) {
+                *row = match last {
+                    // Short sequences repeat their points.
+                    Some((place, row)) if place == (lane, point) => row,
+                    _ => self.lanes[lane].row(point, lights.get(&lane), av_frame, is_normed),
+                };
+                last = Some(((lane, point), *row));
             }
-        }
-        if count == 0 {
-            return None;
-        }
-        let chosen: [(usize, usize); POINTS] = sampling::sampled(count, |at| walked[at]);
-        let mut numbers = [0; POINTS];
-        for (number, (lane, index)) in numbers.iter_mut().zip(chosen) {
-            let place = self.map.lanes[lane].first + index;
-            *number = match self.numbers[place] {
-                Some(number) => number,
-                None => {
-                    let number = points.len() as u16;
-                    points.push(self.point(lane, place, transform));
-                    self.numbers[place] = Some(number);
-                    self.used.push(place);
-                    number
-                }
-            };
-        }
-        let masked = self.style == Style::Authors && points[usize::from(numbers[0])][0] == 0.0;
-        Some(Sequence { points: numbers, masked })
-    }
-
-    fn point(&self, lane: usize, place: usize, transform: &Transform) -> LanePoint {
-        let vertex = &self.map.points[place];
-        let prepared = &self.map.lanes[lane];
-        let mut row = [0.0; 17];
-        row[..3].copy_from_slice(&transform.vertex(&vertex.center, false));
-        for (side, to) in vertex.sides.iter().zip(row[3..9].as_chunks_mut::<3>().0) {
-            if side.known {
-                *to = transform.vertex(&side.nearest, true);
-            }
-        }
-        let light = self.lights[lane];
-        let at_stop = light.is_some_and(|(_, stop)| stop.distance(vertex.center.point()) < AT_STOP);
-        let flag = |is: bool| f32::from(u8::from(is));
-        row[9] = prepared.speed_limit;
-        row[10] = f32::from(prepared.kind);
-        row[11] = f32::from(vertex.sides[0].code);
-        row[12] = f32::from(vertex.sides[1].code);
-        row[13] = f32::from(light.map_or(0, |(state, _)| state));
-        row[14] = flag(at_stop);
-        row[15] = flag(prepared.interpolating);
-        row[16] = flag(prepared.stop_sign);
-        row
+            let id = |lane: &usize| self.map.lanes[*lane].id;
+            Sequence { lanes: chain.lanes.iter().map(id).zip(firsts).collect() }
+        });
+        let sequences = sequences.collect();
+        let slots = frame.crosswalks[agent * CROSSWALKS..][..CROSSWALKS].iter_mut();
+        let ahead = crosswalks::ahead(&self.crosswalks, pose).zip(slots).map(|((index, crosswalk), slot)| {
+            *slot = crosswalk.rows(av_frame);
+            self.map.crosswalks[*index].id
+        });
+        View { sequences, candidates: Some(chains.len()), crosswalks: ahead.collect() }
     }
 }
 
-/// The nearest ten of those that are there now, the nearest first; of two as near the first.
-fn neighbors(others: &[Other], av: Point) -> Vec<usize> {
-    let there = others.iter().enumerate().filter_map(|(index, other)| Some((index, other.history[HISTORY - 1]?)));
-    let mut near: Vec<(f64, usize)> = there.map(|(index, now)| (now.position().distance(av), index)).collect();
-    near.sort_by(|a, b| a.0.total_cmp(&b.0));
-    near.into_iter().map(|(_, index)| index).take(NEIGHBORS).collect()
+fn presence(views: &[View]) -> Presence {
+    let mut presence = Presence::default();
+    for (agent, view) in views.iter().enumerate() {
+        presence.agents[agent] = true;
+        let (lanes, crosswalks) = presence.slots[agent].split_at_mut(LANES);
+        lanes[..view.sequences.len()].fill(true);
+        crosswalks[..view.crosswalks.len()].fill(true);
+    }
+    presence
 }

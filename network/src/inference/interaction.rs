@@ -1,132 +1,119 @@
-//! How agents attend to each other: two encoder layers (paper III-B), norms behind the residuals.
+//! Agents among each other: two post-norm encoder layers; absent agents are no keys, but ask (`network.md` 5.4).
 
-use pulp::{Simd, WithSimd};
+use super::aligned::Aligned;
+use super::functions::{Norm, softmax_of};
+use super::product::{End, Kernel, Linear, ROWS};
+use super::source::Source;
+use crate::constants::{AGENTS, FEED_FORWARD, HEADS, WIDTH};
+use crate::weights::WeightsError;
 
-use crate::activation::{fused, softmax};
-use crate::gemm::{Finish, Left, Multiplier};
-use crate::weights::Weights;
-use crate::weights::layout::{HIDDEN, WIDTH};
+const SIZE: usize = WIDTH / HEADS;
 
-use super::linear::{Linear, Norm};
-
-const HEADS: usize = 8;
-const HEAD: usize = WIDTH / HEADS;
-
-/// One encoder layer.
-#[derive(Clone, Debug)]
-pub(super) struct Interaction {
+/// One layer.
+#[derive(Debug)]
+pub(super) struct InteractionLayer {
+    kernel: Kernel,
     projection: Linear,
-    output: Linear,
-    wide: Linear,
-    narrow: Linear,
+    out: Linear,
     norms: [Norm; 2],
+    widen: Linear,
+    narrow: Linear,
 }
 
-/// Memory of a layer.
-#[derive(Clone, Debug, Default)]
-pub(super) struct InteractionMemory {
-    projected: Vec<f32>,
-    attended: Vec<f32>,
-    added: Vec<f32>,
-    hidden: Vec<f32>,
-    scores: Vec<f32>,
-    /// For each query and key the weights, added over the heads.
-    pub(super) weights: Vec<f32>,
+/// What a layer needs.
+#[derive(Debug)]
+pub(super) struct Room {
+    projected: Aligned,
+    joined: Aligned,
+    added: Aligned,
+    wide: Aligned,
 }
 
-impl Interaction {
-    pub(super) fn of(weights: &Weights, layer: usize) -> Self {
-        let name = format!("agent_agent.interaction_net.layers.{layer}");
-        let linear = |part: &str| Linear::of(weights, &format!("{name}.{part}"));
-        let bias = weights.get(&format!("{name}.self_attn.in_proj_bias")).to_vec();
-        let projection = weights.get(&format!("{name}.self_attn.in_proj_weight"));
+impl Room {
+    pub fn new(frames: usize) -> Self {
+        let rows = (frames * AGENTS).next_multiple_of(ROWS);
+        let aligned = |width: usize| Aligned::new(rows * width);
         Self {
-            projection: Linear { weight: crate::gemm::Right::of_rows(projection, WIDTH), bias },
-            output: linear("self_attn.out_proj"),
-            wide: linear("linear1"),
-            narrow: linear("linear2"),
-            norms: ["norm1", "norm2"].map(|norm| Norm::of(weights, &format!("{name}.{norm}"))),
+            projected: aligned(3 * WIDTH),
+            joined: aligned(WIDTH),
+            added: aligned(WIDTH),
+            wide: aligned(FEED_FORWARD),
         }
     }
+}
 
-    /// The layer over `agents` (rows of 256), in place. Nobody attends to those that are `masked`.
-    pub(super) fn apply(
+impl InteractionLayer {
+    pub fn new(source: Source<'_>, index: usize) -> Result<Self, WeightsError> {
+        let name = |part: &str| format!("agent_agent.interaction_net.layers.{index}.{part}");
+        let tensor = |part: &str| source.tensor(&name(part));
+        Ok(Self {
+            kernel: source.kernel,
+            projection: source.layer(tensor("self_attn.in_proj_weight")?, tensor("self_attn.in_proj_bias")?),
+            out: source.linear(&name("self_attn.out_proj"))?,
+            norms: [source.norm(&name("norm1"))?, source.norm(&name("norm2"))?],
+            widen: source.linear(&name("linear1"))?,
+            narrow: source.linear(&name("linear2"))?,
+        })
+    }
+
+    /// Multiply-adds of a frame.
+    pub fn multiply_adds(&self) -> u64 {
+        let layers = [&self.projection, &self.out, &self.widen, &self.narrow].into_iter();
+        (AGENTS as u64) * (layers.map(Linear::multiply_adds).sum::<u64>() + (2 * AGENTS * WIDTH) as u64)
+    }
+
+    /// The agents of each frame through the layer, in place. `present` and `shares` have an entry a frame.
+    pub fn run<'a>(
         &self,
-        multiplier: &mut Multiplier,
-        memory: &mut InteractionMemory,
-        masked: &[bool],
         agents: &mut [f32],
+        present: impl ExactSizeIterator<Item = &'a [bool; AGENTS]>,
+        shares: impl Iterator<Item = &'a mut [[f32; AGENTS]; AGENTS]>,
+        room: &mut Room,
     ) {
-        let InteractionMemory { projected, attended, added, hidden, scores, weights } = memory;
-        let count = masked.len();
-        let arch = multiplier.arch();
-        self.projection.apply(multiplier, Left::dense(agents, WIDTH), Finish::Plain, projected);
-        attended.clear();
-        attended.resize(count * WIDTH, 0.0);
-        weights.clear();
-        weights.resize(count * count, 0.0);
-        scores.resize(count, 0.0);
-        arch.dispatch(Attend { projected, masked, attended, scores, weights });
-        self.output.apply(multiplier, Left::dense(attended, WIDTH), Finish::Plain, added);
-        add(agents, added);
-        self.norms[0].apply(arch, agents);
-        self.wide.apply(multiplier, Left::dense(agents, WIDTH), Finish::Relu, hidden);
-        self.narrow.apply(multiplier, Left::dense(hidden, HIDDEN), Finish::Plain, added);
-        add(agents, added);
-        self.norms[1].apply(arch, agents);
+        let rows = present.len() * AGENTS;
+        self.projection.apply_packed(agents, rows, &mut room.projected, End::Sum);
+        let frames = room.projected.chunks_exact(AGENTS * 3 * WIDTH).zip(room.joined.chunks_exact_mut(AGENTS * WIDTH));
+        for ((present, shares), (projected, joined)) in present.zip(shares).zip(frames) {
+            self.kernel.run(|| attend(projected, present, joined, shares));
+        }
+        self.out.apply_packed(&room.joined, rows, &mut room.added, End::Sum);
+        self.add_and_norm(agents, &room.added, rows, 0);
+        self.widen.apply_packed(agents, rows, &mut room.wide, End::Relu);
+        self.narrow.apply_packed(&room.wide, rows, &mut room.added, End::Sum);
+        self.add_and_norm(agents, &room.added, rows, 1);
+    }
+
+    fn add_and_norm(&self, agents: &mut [f32], added: &[f32], rows: usize, norm: usize) {
+        self.kernel.run(|| {
+            let rows = agents.as_chunks_mut::<WIDTH>().0.iter_mut().zip(added.as_chunks::<WIDTH>().0).take(rows);
+            for (row, added) in rows {
+                row.iter_mut().zip(added).for_each(|(value, added)| *value += added);
+                self.norms[norm].apply(row);
+            }
+        });
     }
 }
 
-/// The attention itself: each agent's queries to each agent's keys, head by head.
-struct Attend<'a> {
-    /// Query, key and value of each agent.
-    projected: &'a [f32],
-    masked: &'a [bool],
-    attended: &'a mut [f32],
-    scores: &'a mut [f32],
-    weights: &'a mut [f32],
-}
-
-impl WithSimd for Attend<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) {
-        let Self { projected, masked, attended, scores, weights } = self;
-        let scale = 1.0 / (HEAD as f32).sqrt();
-        let row = |agent: usize, part: usize, head: usize| {
-            let begin = (agent * 3 + part) * WIDTH + head * HEAD;
-            &projected[begin..begin + HEAD]
-        };
-        for (query, attended) in attended.chunks_exact_mut(WIDTH).enumerate() {
-            for (head, attended) in attended.chunks_exact_mut(HEAD).enumerate() {
-                let own = row(query, 0, head);
-                for (key, score) in scores.iter_mut().enumerate() {
-                    *score = scale * dot(own, row(key, 1, head));
-                }
-                softmax(scores, |key| !masked[key]);
-                for (key, weight) in scores.iter().enumerate() {
-                    let values = row(key, 2, head);
-                    attended.iter_mut().zip(values).for_each(|(sum, value)| *sum = fused(*weight, *value, *sum));
-                    weights[query * masked.len() + key] += *weight;
-                }
+/// The attention of one frame: queries, keys and values of each agent in `projected`, answers in `joined`.
+#[inline(always)]
+fn attend(projected: &[f32], present: &[bool; AGENTS], joined: &mut [f32], means: &mut [[f32; AGENTS]; AGENTS]) {
+    let scale = 1.0 / (SIZE as f32).sqrt();
+    let part = |agent: usize, part: usize, head: usize| &projected[(3 * agent + part) * WIDTH + head * SIZE..][..SIZE];
+    *means = Default::default();
+    for head in 0..HEADS {
+        for agent in 0..AGENTS {
+            let query = part(agent, 0, head);
+            let mut shares = [f32::NEG_INFINITY; AGENTS];
+            for other in (0..AGENTS).filter(|other| present[*other]) {
+                shares[other] = query.iter().zip(part(other, 1, head)).map(|(q, k)| q * scale * k).sum();
+            }
+            softmax_of(&mut shares);
+            let answer = &mut joined[agent * WIDTH + head * SIZE..][..SIZE];
+            answer.fill(0.0);
+            for (other, share) in shares.iter().enumerate().filter(|(other, _)| present[*other]) {
+                answer.iter_mut().zip(part(other, 2, head)).for_each(|(answer, value)| *answer += share * value);
+                means[agent][other] += share / HEADS as f32;
             }
         }
     }
-}
-
-fn add(to: &mut [f32], terms: &[f32]) {
-    to.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
-}
-
-/// The sum of products, in 16 sums side by side.
-#[inline(always)]
-pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
-    let mut sums = [0.0_f32; 16];
-    for (a, b) in a.as_chunks::<16>().0.iter().zip(b.as_chunks::<16>().0) {
-        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
-            *sum = fused(*a, *b, *sum);
-        }
-    }
-    sums.iter().sum()
 }

@@ -1,131 +1,109 @@
-//! What agents' motion is encoded by: an LSTM of two layers for each kind (paper III-B), over all agents of the kind at once.
+//! Agents' histories: an LSTM of two layers for each type, run on all agents of the type at once (`network.md` 5.1).
 
-use pulp::{Simd, WithSimd};
-
-use crate::activation::{fused, sigmoid, tanh};
-use crate::frame::{AgentRow, HISTORY};
-use crate::gemm::{Begin, Finish, Left, Multiplier, Right};
-use crate::weights::Weights;
-use crate::weights::layout::WIDTH;
+use super::aligned::Aligned;
+use super::functions::{sigmoid, tanh};
+use super::product::{End, Kernel, Linear, ROWS, Rows};
+use super::source::Source;
+use crate::constants::{HISTORY, STATE, WIDTH};
+use crate::weights::WeightsError;
 
 const GATES: usize = 4 * WIDTH;
+/// So many histories are run at once: more would not fit the cache.
+pub(super) const TOGETHER: usize = 48;
 
-/// The two layers of one kind.
-#[derive(Clone, Debug)]
-pub(super) struct MotionEncoder([Layer; 2]);
+/// One type's LSTM.
+#[derive(Debug)]
+pub(super) struct Motion {
+    kernel: Kernel,
+    layers: [Layer; 2],
+}
 
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 struct Layer {
-    input: Right,
-    recurrent: Right,
-    /// Both of PyTorch's, added.
-    bias: Vec<f32>,
+    /// With both biases.
+    input: Linear,
+    hidden: Linear,
 }
 
-/// Memory of an encoder. Rows stand step by step, and within a step agent by agent.
-#[derive(Clone, Debug, Default)]
-pub(super) struct MotionMemory {
-    gates: Vec<f32>,
-    outputs: Vec<f32>,
-    cells: Vec<f32>,
-    inputs: Vec<f32>,
+/// What a run needs.
+#[derive(Debug)]
+pub(super) struct Room {
+    /// `[step][history][number]`.
+    pub histories: Aligned,
+    /// `[step][history][gate]`.
+    gates: Aligned,
+    /// The first layer's outputs, `[step][history][number]`.
+    first: Aligned,
+    hidden: Aligned,
+    cell: Aligned,
 }
 
-impl MotionEncoder {
-    pub(super) fn of(weights: &Weights, net: &str) -> Self {
-        let layer = |number: usize, inner: usize| {
-            let get = |part: &str| weights.get(&format!("{net}.motion.{part}_l{number}"));
-            Layer {
-                input: Right::of_rows(get("weight_ih"), inner),
-                recurrent: Right::of_rows(get("weight_hh"), WIDTH),
-                bias: get("bias_ih").iter().zip(get("bias_hh")).map(|(a, b)| a + b).collect(),
-            }
+impl Room {
+    /// For as many histories at once.
+    pub fn new(together: usize) -> Self {
+        let rows = together.next_multiple_of(ROWS);
+        Self {
+            histories: Aligned::new(HISTORY * rows * STATE),
+            gates: Aligned::new(HISTORY * rows * GATES),
+            first: Aligned::new(HISTORY * rows * WIDTH),
+            hidden: Aligned::new(rows * WIDTH),
+            cell: Aligned::new(rows * WIDTH),
+        }
+    }
+}
+
+impl Motion {
+    pub fn new(source: Source<'_>, name: &str) -> Result<Self, WeightsError> {
+        let layer = |index: usize| -> Result<Layer, WeightsError> {
+            let tensor = |part: &str| source.tensor(&format!("{name}.motion.{part}_l{index}"));
+            let (bias_ih, bias_hh) = (tensor("bias_ih")?, tensor("bias_hh")?);
+            let bias: Vec<f32> = bias_ih.iter().zip(bias_hh).map(|(a, b)| a + b).collect();
+            let hidden = tensor("weight_hh")?;
+            Ok(Layer { input: source.layer(tensor("weight_ih")?, &bias), hidden: source.layer(hidden, &[0.0; GATES]) })
         };
-        Self([layer(0, 8), layer(1, WIDTH)])
+        Ok(Self { kernel: source.kernel, layers: [layer(0)?, layer(1)?] })
     }
 
-    /// The encoding of each history, a row of 256 each: what the upper layer holds after the last step.
-    pub(super) fn encode<'a>(
-        &self,
-        multiplier: &mut Multiplier,
-        memory: &mut MotionMemory,
-        histories: impl ExactSizeIterator<Item = &'a [AgentRow; HISTORY]>,
-        mut output: impl FnMut(usize, &[f32]),
-    ) {
-        let count = histories.len();
-        if count == 0 {
-            return;
-        }
-        memory.inputs.resize(HISTORY * count * 8, 0.0);
-        for (agent, history) in histories.enumerate() {
-            for (step, row) in history.iter().enumerate() {
-                memory.inputs[(step * count + agent) * 8..][..8].copy_from_slice(row);
-            }
-        }
-        for (number, layer) in self.0.iter().enumerate() {
-            if number > 0 {
-                std::mem::swap(&mut memory.inputs, &mut memory.outputs);
-            }
-            layer.run(multiplier, count, memory);
-        }
-        let last = &memory.outputs[(HISTORY - 1) * count * WIDTH..];
-        last.chunks_exact(WIDTH).enumerate().for_each(|(agent, row)| output(agent, row));
+    /// Multiply-adds of a history.
+    pub fn multiply_adds(&self) -> u64 {
+        let layers = self.layers.iter().map(|layer| layer.input.multiply_adds() + layer.hidden.multiply_adds());
+        HISTORY as u64 * layers.sum::<u64>()
     }
-}
 
-impl Layer {
-    fn run(&self, multiplier: &mut Multiplier, count: usize, memory: &mut MotionMemory) {
-        let MotionMemory { gates, outputs, cells, inputs } = memory;
-        gates.resize(HISTORY * count * GATES, 0.0);
-        outputs.resize(HISTORY * count * WIDTH, 0.0);
-        cells.clear();
-        cells.resize(count * WIDTH, 0.0);
-        // What does not depend on the step before, for all steps at once.
-        let input = Left::dense(inputs, self.input.inner);
-        multiplier.multiply(input, &self.input, Begin::Bias(&self.bias), Finish::Plain, gates, GATES);
-        let arch = multiplier.arch();
-        for (step, gates) in gates.chunks_exact_mut(count * GATES).enumerate() {
-            let (before, now) = outputs.split_at_mut(step * count * WIDTH);
+    /// What the first `count` of `room.histories` come to: row after row.
+    pub fn run<'a>(&self, room: &'a mut Room, count: usize) -> &'a [f32] {
+        let rows = count.next_multiple_of(ROWS);
+        let Room { histories, gates, first, hidden, cell } = room;
+        let [lower, upper] = &self.layers;
+        lower.input.apply_packed(histories, HISTORY * rows, gates, End::Sum);
+        self.recur(lower, gates, first, rows, cell, true);
+        upper.input.apply_packed(first, HISTORY * rows, gates, End::Sum);
+        self.recur(upper, gates, hidden, rows, cell, false);
+        &hidden[..count * WIDTH]
+    }
+
+    /// Step after step: each one's outputs go to a place of their own in `hidden` if `all`, else over the last one's.
+    fn recur(&self, layer: &Layer, gates: &mut [f32], hidden: &mut [f32], rows: usize, cell: &mut [f32], all: bool) {
+        cell.fill(0.0);
+        for step in 0..HISTORY {
+            let gates = &mut gates[step * rows * GATES..][..rows * GATES];
+            let at = |step: usize| if all { step * rows * WIDTH } else { 0 };
             if step > 0 {
-                let before = Left::dense(&before[(step - 1) * count * WIDTH..], WIDTH);
-                multiplier.multiply(before, &self.recurrent, Begin::Result, Finish::Plain, gates, GATES);
+                let before = Rows { numbers: &hidden[at(step - 1)..], stride: WIDTH };
+                layer.hidden.add(before, rows, gates, GATES, End::Sum);
             }
-            arch.dispatch(Step { gates, cells, outputs: &mut now[..count * WIDTH] });
+            let outputs = &mut hidden[at(step)..][..rows * WIDTH];
+            self.kernel.run(|| {
+                let rows = outputs.as_chunks_mut::<WIDTH>().0.iter_mut().zip(cell.as_chunks_mut::<WIDTH>().0);
+                for ((output, cell), gates) in rows.zip(gates.as_chunks::<WIDTH>().0.as_chunks::<4>().0) {
+                    let [input, forget, candidate, out] = gates;
+                    for index in 0..WIDTH {
+                        let kept = sigmoid(forget[index]) * cell[index];
+                        cell[index] = kept + sigmoid(input[index]) * tanh(candidate[index]);
+                        output[index] = sigmoid(out[index]) * tanh(cell[index]);
+                    }
+                }
+            });
         }
     }
-}
-
-/// One step of all agents.
-struct Step<'a> {
-    gates: &'a mut [f32],
-    cells: &'a mut [f32],
-    outputs: &'a mut [f32],
-}
-
-impl WithSimd for Step<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) {
-        let agents = self.gates.chunks_exact_mut(GATES).zip(self.cells.chunks_exact_mut(WIDTH));
-        for ((gates, cells), output) in agents.zip(self.outputs.chunks_exact_mut(WIDTH)) {
-            advance(gates, cells, output);
-        }
-    }
-}
-
-/// One step of one agent: gates in PyTorch's order, input, forget, cell, output. One simple loop after the other, for the compiler to
-/// make vectors of.
-#[inline(always)]
-fn advance(gates: &mut [f32], cells: &mut [f32], output: &mut [f32]) {
-    let (entry, rest) = gates.split_at_mut(2 * WIDTH);
-    let (candidate, out) = rest.split_at_mut(WIDTH);
-    entry.iter_mut().for_each(|gate| *gate = sigmoid(*gate));
-    candidate.iter_mut().for_each(|value| *value = tanh(*value));
-    out.iter_mut().for_each(|gate| *gate = sigmoid(*gate));
-    let (input, forget) = entry.split_at(WIDTH);
-    candidate.iter_mut().zip(input).for_each(|(value, gate)| *value *= gate);
-    cells.iter_mut().zip(forget).zip(candidate).for_each(|((cell, gate), value)| *cell = fused(*gate, *cell, *value));
-    output.iter_mut().zip(cells).for_each(|(output, cell)| *output = tanh(*cell));
-    output.iter_mut().zip(out).for_each(|(output, gate)| *output *= *gate);
 }

@@ -1,159 +1,131 @@
-//! Weights in files: safetensors, f32 or f16, under the authors' names.
-//!
-//! A checkpoint of theirs becomes one so:
-//!
-//! ```python
-//! import torch, safetensors.torch
-//! weights = torch.load("model.pth", map_location="cpu")
-//! safetensors.torch.save_file({name: tensor.contiguous() for name, tensor in weights.items()}, "model.safetensors")
-//! ```
-//!
-//! The same weights are the same bytes at each save: there is no metadata, and tensors stand in the order of their names.
+//! Weights in the safetensors format, in single or half precision.
 
 use half::f16;
-use safetensors::tensor::TensorView;
-use safetensors::{Dtype, SafeTensorError, SafeTensors};
-use thiserror::Error;
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
-use super::Weights;
-use super::layout::{self, BUFFERS, Tensor};
+use super::error::WeightsError;
+use super::layout::{BUFFERS, Variant, layout};
+use super::{Tensor, Weights};
 
-/// How numbers stand in a file.
+/// How numbers are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
-    /// Four bytes each.
+    /// 32 bits: as they are.
     Single,
-    /// Two bytes each.
+    /// 16 bits: half the file, rounded to eleven binary digits.
     Half,
 }
 
-/// A file that holds no weights of this network.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the messages say it")]
-pub enum WeightsError {
-    #[error("no safetensors file: {0}\nhint: export a checkpoint's state dict with safetensors.torch.save_file")]
-    Format(#[from] SafeTensorError),
-    #[error("tensor {name} is missing")]
-    Missing { name: String },
-    #[error("tensor {name} is none of this network's\nhint: the layout is that of the authors' predictor, 135 tensors")]
-    Unknown { name: String },
-    #[error("tensor {name} has the shape {got:?}, expected {expected:?}")]
-    Shape { name: String, expected: Vec<usize>, got: Vec<usize> },
-    #[error("tensor {name} has numbers of type {got:?}, expected F32 or F16")]
-    Type { name: String, got: Dtype },
-    #[error("tensor {name} holds {value} at place {index}")]
-    NotFinite { name: String, index: usize, value: f32 },
-}
-
 impl Weights {
-    /// The weights in the bytes of a file.
+    /// Reads the bytes of a file; which variant it is shows in the heads that it has.
     ///
     /// # Errors
-    /// [`WeightsError`] names the tensor that is not as it must be.
-    pub fn from_safetensors(bytes: &[u8]) -> Result<Self, WeightsError> {
-        let file = SafeTensors::deserialize(bytes)?;
-        let is_known = |name: &str| BUFFERS.contains(&name) || layout::tensors().iter().any(|t| t.name == name);
-        if let Some(name) = file.names().into_iter().filter(|name| !is_known(name)).min() {
-            return Err(WeightsError::Unknown { name: name.to_owned() });
-        }
-        Self::try_of(|tensor| {
-            let name = || tensor.name.clone();
-            let view = file.tensor(&tensor.name).map_err(|_| WeightsError::Missing { name: name() })?;
-            if view.shape() != tensor.shape {
-                let (expected, got) = (tensor.shape.clone(), view.shape().to_vec());
-                return Err(WeightsError::Shape { name: name(), expected, got });
-            }
-            let values: Vec<f32> = match view.dtype() {
-                Dtype::F32 => view.data().as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect(),
-                Dtype::F16 => view.data().as_chunks().0.iter().map(|b| f16::from_le_bytes(*b).to_f32()).collect(),
-                got => return Err(WeightsError::Type { name: name(), got }),
+    /// [`WeightsError`] names the tensor, what is expected and what is there.
+    pub fn read(bytes: &[u8]) -> Result<Self, WeightsError> {
+        let file = SafeTensors::deserialize(bytes).map_err(|error| WeightsError::Format(error.to_string()))?;
+        let has = |start: &str| file.iter().any(|(name, _)| name.starts_with(start));
+        let variant = match (has("predict.") || has("score."), has("plan.cost.")) {
+            (true, true) => Variant::Joint,
+            (true, false) => Variant::Separate,
+            (false, _) => Variant::Imitation,
+        };
+        let layout = layout(variant);
+        let mut tensors = Vec::with_capacity(layout.len());
+        for expected in layout {
+            let Ok(view) = file.tensor(&expected.name) else {
+                return Err(WeightsError::Missing { name: expected.name, shape: expected.shape });
             };
-            match values.iter().position(|value| !value.is_finite()) {
-                Some(index) => Err(WeightsError::NotFinite { name: name(), index, value: values[index] }),
-                None => Ok(values),
+            check_shape(&expected.name, &expected.shape, &view)?;
+            let values = numbers(&expected.name, &view)?;
+            tensors.push((expected.name, Tensor { shape: expected.shape, values }));
+        }
+        let weights = Self { variant, tensors };
+        let mut names: Vec<String> = file.names().into_iter().map(ToString::to_string).collect();
+        names.sort();
+        for name in names {
+            if let Some((_, shape, constant)) = BUFFERS.iter().find(|(buffer, ..)| *buffer == name) {
+                if let Ok(view) = file.tensor(&name) {
+                    check_shape(&name, shape, &view)?;
+                    check_constant(&name, constant, &view)?;
+                }
+            } else if weights.tensor(&name).is_err() {
+                return Err(WeightsError::Unknown { name });
             }
-        })
+        }
+        Ok(weights)
     }
 
-    /// The bytes of a file that holds them.
+    /// The bytes of a file. The same weights give the same bytes.
     ///
     /// # Errors
-    /// [`SafeTensorError`] where the library refuses: a bug.
-    pub fn to_safetensors(&self, precision: Precision) -> Result<Vec<u8>, SafeTensorError> {
-        let bytes = |values: &[f32]| -> Vec<u8> {
-            match precision {
-                Precision::Single => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
-                Precision::Half => values.iter().flat_map(|value| f16::from_f32(*value).to_le_bytes()).collect(),
-            }
-        };
-        let data: Vec<(&Tensor, Vec<u8>)> = self.iter().map(|(tensor, values)| (tensor, bytes(values))).collect();
-        let kind = if precision == Precision::Single { Dtype::F32 } else { Dtype::F16 };
-        let mut views = Vec::new();
-        for (tensor, bytes) in &data {
-            views.push((tensor.name.as_str(), TensorView::new(kind, tensor.shape.clone(), bytes)?));
+    /// [`WeightsError::TooLarge`] where half precision has no such number.
+    pub fn write(&self, precision: Precision) -> Result<Vec<u8>, WeightsError> {
+        let mut parts: Vec<(&str, Dtype, &[usize], Vec<u8>)> = Vec::new();
+        for (name, tensor) in &self.tensors {
+            let (dtype, bytes) = match precision {
+                Precision::Single => (Dtype::F32, tensor.values.iter().flat_map(|value| value.to_le_bytes()).collect()),
+                Precision::Half => (Dtype::F16, halves(name, &tensor.values)?),
+            };
+            parts.push((name, dtype, &tensor.shape, bytes));
         }
-        safetensors::serialize(views, None)
+        if self.variant.has_cost() {
+            for (name, shape, constant) in BUFFERS {
+                parts.push((name, Dtype::I64, shape, constant.iter().flat_map(|value| value.to_le_bytes()).collect()));
+            }
+        }
+        let mut views = Vec::new();
+        for (name, dtype, shape, bytes) in &parts {
+            let view = TensorView::new(*dtype, shape.to_vec(), bytes);
+            views.push((*name, view.map_err(|error| WeightsError::Format(error.to_string()))?));
+        }
+        // No metadata: the library would write that in the order of a hash. Tensors it sorts by type and name.
+        safetensors::serialize(views, None).map_err(|error| WeightsError::Format(error.to_string()))
     }
 }
 
-#[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may panic")]
-mod tests {
-    use super::*;
-    use crate::weights::formula;
+fn check_shape(name: &str, expected: &[usize], view: &TensorView<'_>) -> Result<(), WeightsError> {
+    if view.shape() == expected {
+        return Ok(());
+    }
+    Err(WeightsError::Shape { name: name.to_owned(), expected: expected.to_vec(), got: view.shape().to_vec() })
+}
 
-    fn changed(change: impl Fn(&str, &mut Dtype, &mut Vec<usize>, &mut Vec<u8>) -> bool) -> WeightsError {
-        let weights = formula::weights();
-        let mut rows: Vec<(String, Dtype, Vec<usize>, Vec<u8>)> = Vec::new();
-        for (tensor, values) in weights.iter() {
-            let mut bytes = values.iter().flat_map(|value| value.to_le_bytes()).collect();
-            let (mut kind, mut shape) = (Dtype::F32, tensor.shape.clone());
-            if change(&tensor.name, &mut kind, &mut shape, &mut bytes) {
-                rows.push((tensor.name.clone(), kind, shape, bytes));
-            }
+fn wrong_type(name: &str, expected: &'static str, view: &TensorView<'_>) -> WeightsError {
+    WeightsError::Type { name: name.to_owned(), expected, got: format!("{:?}", view.dtype()) }
+}
+
+fn numbers(name: &str, view: &TensorView<'_>) -> Result<Vec<f32>, WeightsError> {
+    let values: Vec<f32> = match view.dtype() {
+        Dtype::F32 => view.data().as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect(),
+        Dtype::F16 => view.data().as_chunks::<2>().0.iter().map(|bytes| f16::from_le_bytes(*bytes).to_f32()).collect(),
+        _ => return Err(wrong_type(name, "F32 or F16", view)),
+    };
+    match values.iter().position(|value| !value.is_finite()) {
+        Some(place) => Err(WeightsError::NotFinite { name: name.to_owned(), place, value: values[place] }),
+        None => Ok(values),
+    }
+}
+
+fn halves(name: &str, values: &[f32]) -> Result<Vec<u8>, WeightsError> {
+    let mut bytes = Vec::with_capacity(2 * values.len());
+    for (place, value) in values.iter().enumerate() {
+        let half = f16::from_f32(*value);
+        if !half.is_finite() {
+            return Err(WeightsError::TooLarge { name: name.to_owned(), place, value: *value });
         }
-        let views = rows.iter().map(|(name, kind, shape, b)| (name, TensorView::new(*kind, shape.clone(), b).unwrap()));
-        Weights::from_safetensors(&safetensors::serialize(views, None).unwrap()).unwrap_err()
+        bytes.extend(half.to_le_bytes());
     }
+    Ok(bytes)
+}
 
-    #[test]
-    fn what_is_written_is_read_and_is_the_same_bytes_each_time() {
-        let weights = formula::weights();
-        let bytes = weights.to_safetensors(Precision::Single).unwrap();
-        assert_eq!(bytes, weights.to_safetensors(Precision::Single).unwrap());
-        assert_eq!(Weights::from_safetensors(&bytes).unwrap(), weights);
-        let half = weights.to_safetensors(Precision::Half).unwrap();
-        assert!(half.len() < bytes.len() / 2 + 20_000);
-        let again = Weights::from_safetensors(&half).unwrap();
-        assert_eq!(again.to_safetensors(Precision::Half).unwrap(), half, "halves are read as they are");
+fn check_constant(name: &str, expected: &[i64], view: &TensorView<'_>) -> Result<(), WeightsError> {
+    let got: Vec<i64> = match view.dtype() {
+        Dtype::I64 => view.data().as_chunks::<8>().0.iter().map(|bytes| i64::from_le_bytes(*bytes)).collect(),
+        Dtype::I32 => view.data().as_chunks::<4>().0.iter().map(|bytes| i32::from_le_bytes(*bytes).into()).collect(),
+        _ => return Err(wrong_type(name, "I64 or I32", view)),
+    };
+    if got == expected {
+        return Ok(());
     }
-
-    #[test]
-    fn a_tensor_that_is_not_as_it_must_be_is_named() {
-        const NAME: &str = "plan.cost.2.bias";
-        let missing = changed(|name, _, _, _| name != NAME);
-        assert_eq!(missing.to_string(), "tensor plan.cost.2.bias is missing");
-        let shape = changed(|name, _, shape, _| {
-            if name == NAME {
-                *shape = vec![3, 3];
-            }
-            true
-        });
-        assert_eq!(shape.to_string(), "tensor plan.cost.2.bias has the shape [3, 3], expected [9]");
-        let kind = changed(|name, kind, _, _| {
-            if name == NAME {
-                *kind = Dtype::I32;
-            }
-            true
-        });
-        assert_eq!(kind.to_string(), "tensor plan.cost.2.bias has numbers of type I32, expected F32 or F16");
-        let number = changed(|name, _, _, bytes| {
-            if name == NAME {
-                bytes[8..12].copy_from_slice(&f32::NAN.to_le_bytes());
-            }
-            true
-        });
-        assert_eq!(number.to_string(), "tensor plan.cost.2.bias holds NaN at place 2");
-        assert!(Weights::from_safetensors(b"PK\x03\x04").unwrap_err().to_string().contains("hint: export"));
-    }
+    Err(WeightsError::Constant { name: name.to_owned(), expected: expected.to_vec(), got })
 }

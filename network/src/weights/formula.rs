@@ -1,77 +1,70 @@
-//! Weights by a formula: the same on every machine, and far from degenerate, so that two implementations can be held to each other
-//! without a file. The formula is that of the vectors which this project is tested against; it has no meaning beyond.
+//! Weights by a formula (`network.md` 7): no training, but outputs far from degenerate, the same in every implementation.
 
-use std::convert::Infallible;
+use super::layout::{TensorLayout, Variant, layout};
+use super::{Tensor, Weights};
 
-use super::Weights;
-use super::layout::Tensor;
-
-/// The weights.
-#[must_use]
-pub fn weights() -> Weights {
-    let values = |tensor: &Tensor| Ok::<_, Infallible>(values(tensor));
-    match Weights::try_of(values) {
-        Ok(weights) => weights,
-        Err(never) => match never {},
+impl Weights {
+    /// The formula's weights for a network of this variant.
+    #[must_use]
+    pub fn formula(variant: Variant) -> Self {
+        let tensors = layout(variant).into_iter().map(|TensorLayout { name, shape }| {
+            let values = values(&name, &shape);
+            (name, Tensor { shape, values })
+        });
+        Self { variant, tensors: tensors.collect() }
     }
 }
 
-fn values(tensor: &Tensor) -> Vec<f32> {
-    let (offset, scale) = distribution(tensor);
-    let hash = fnv1a64(tensor.name.as_bytes());
-    let value = |index: usize| (offset + scale * (2.0 * uniform(hash.wrapping_add(index as u64)) - 1.0)) as f32;
-    let mut values: Vec<f32> = (0..tensor.len()).map(value).collect();
-    if PADDED.contains(&tensor.name.as_str()) {
-        values[..tensor.shape[1]].fill(0.0);
+fn fnv1a64(name: &str) -> u64 {
+    name.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
+/// The number that follows `seed`, in [0, 1): SplitMix64's, of 24 bits.
+fn uniform(seed: u64) -> f64 {
+    let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^= z >> 31;
+    (z >> 40) as f64 / f64::from(1 << 24)
+}
+
+fn values(name: &str, shape: &[usize]) -> Vec<f32> {
+    let (offset, scale) = offset_and_scale(name, shape);
+    let hash = fnv1a64(name);
+    let number = |index: usize| (offset + scale * (2.0 * uniform(hash.wrapping_add(index as u64)) - 1.0)) as f32;
+    let mut values: Vec<f32> = (0..shape.iter().product()).map(number).collect();
+    // The first row of these is the padding's.
+    if ["self_type", "left_type", "right_type", "traffic_light_type"].iter().any(|padded| name.contains(padded)) {
+        values[..shape[1]].fill(0.0);
     }
     values
 }
 
-/// Tables whose first row stands for nothing.
-const PADDED: [&str; 4] = [
-    "lane_net.self_type.weight",
-    "lane_net.left_type.weight",
-    "lane_net.right_type.weight",
-    "lane_net.traffic_light_type.weight",
-];
+fn offset_and_scale(name: &str, shape: &[usize]) -> (f64, f64) {
+    let norms = ["transformer.0.", "transformer.5.", "ffn.0.", "ffn.5.", "norm1.", "norm2."];
+    if norms.iter().any(|norm| name.contains(norm)) {
+        return (f64::from(name.ends_with("weight")), 0.25);
+    }
+    let is_embedding =
+        super::layout::EMBEDDINGS.iter().any(|(embedding, ..)| name == format!("lane_net.{embedding}.weight"));
+    let scale = match shape {
+        _ if is_embedding => 0.5,
+        _ if name.contains(".motion.") => 1.0 / 16.0,
+        [_] => 0.1,
+        _ => gain(name) / (shape[shape.len() - 1] as f64).sqrt(),
+    };
+    (0.0, scale)
+}
 
-/// Where the values of a tensor lie, and how far about.
-fn distribution(tensor: &Tensor) -> (f64, f64) {
-    let name = tensor.name.as_str();
-    let is_norm = [".transformer.0.", ".transformer.5.", ".ffn.0.", ".ffn.5.", ".norm1.", ".norm2."];
-    if is_norm.iter().any(|part| name.contains(part)) {
-        return (if name.ends_with("weight") { 1.0 } else { 0.0 }, 0.25);
-    }
-    let tables = ["_type.weight", "interpolating.weight", "stop_sign.weight", "stop_point.weight"];
-    if tables.iter().any(|table| name.ends_with(table)) {
-        return (0.0, 0.5);
-    }
-    if name.contains(".motion.") {
-        return (0.0, 1.0 / 16.0);
-    }
-    let &[_, columns] = tensor.shape.as_slice() else { return (0.0, 0.1) };
-    let gain = match name {
+fn gain(name: &str) -> f64 {
+    match name {
         "agent_map.crosswalk_attention.cross_attention.in_proj_weight" => 4.0,
         "plan.control.3.weight" => 0.75,
         "predict.decode.3.weight" => 6.0,
         "score.decode.3.weight" => 3.0,
-        name if name.ends_with("in_proj_weight") => 2.5,
+        _ if name.ends_with("in_proj_weight") => 2.5,
         _ => 1.75,
-    };
-    (0.0, gain / (columns as f64).sqrt())
-}
-
-/// Fowler, Noll and Vo's hash, variant 1a.
-fn fnv1a64(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3))
-}
-
-/// A number from 0 to below 1 (the finalizer of SplitMix64).
-fn uniform(seed: u64) -> f64 {
-    let z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 40) as f64 / f64::from(1_u32 << 24)
+    }
 }
 
 #[cfg(test)]
@@ -79,12 +72,36 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_formula_gives_its_check_values() {
-        assert_eq!(fnv1a64(b""), 0xcbf2_9ce4_8422_2325);
-        assert_eq!(fnv1a64(b"a"), 0xaf63_dc4c_8601_ec8c);
-        assert_eq!(weights().get("score.decode.3.bias"), [0.081_547_834]);
-        let first = weights().get("vehicle_net.motion.weight_ih_l0")[0];
-        assert!((first + 0.051_835_813).abs() < 1e-9, "{first}");
-        assert_eq!(weights().get("lane_net.self_type.weight")[..64], [0.0; 64]);
+    fn the_formula_gives_the_numbers_that_its_definition_names() {
+        assert_eq!((fnv1a64(""), fnv1a64("a")), (0xcbf2_9ce4_8422_2325, 0xaf63_dc4c_8601_ec8c));
+        assert_eq!(uniform(fnv1a64("score.decode.3.bias")), 0.907_739_162_445_068_4);
+        let weights = Weights::formula(Variant::Joint);
+        assert_eq!(weights.tensor("score.decode.3.bias").unwrap(), [0.081_547_834_f32]);
+        assert!(weights.tensor("lane_net.left_type.weight").unwrap()[..64].iter().all(|value| *value == 0.0));
+        assert!(weights.tensor("lane_net.stop_sign.weight").unwrap()[..64].iter().any(|value| *value != 0.0));
+    }
+
+    #[test]
+    fn every_tensor_sums_to_what_another_implementation_of_the_formula_has() {
+        let Some(folder) = vectors::shared("dipp/network-vectors") else { return };
+        let text = std::fs::read_to_string(folder.join("weights_check.tsv")).unwrap();
+        let weights = Weights::formula(Variant::Joint);
+        let rows: Vec<Vec<&str>> = text.lines().skip(1).map(|line| line.split('\t').collect()).collect();
+        let names: Vec<&str> = weights.tensors.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(rows.iter().map(|row| row[0]).collect::<Vec<_>>(), names, "in the state dict's order");
+        for (row, (name, tensor)) in rows.iter().zip(&weights.tensors) {
+            let shape: Vec<String> = tensor.shape.iter().map(usize::to_string).collect();
+            assert_eq!(row[1], shape.join("x"), "{name}");
+            let number = |column: usize| row[column].parse::<f64>().unwrap();
+            let sums = tensor.values.iter().fold((0.0, 0.0), |(sum, absolute), value| {
+                (sum + f64::from(*value), absolute + f64::from(value.abs()))
+            });
+            assert!(
+                (sums.0 - number(5)).abs() < 1e-9 * number(6).max(1.0) && (sums.1 / number(6) - 1.0).abs() < 1e-11,
+                "{name}"
+            );
+            let first = row[7].split(' ').map(|value| value.parse::<f32>().unwrap());
+            assert!(first.zip(&tensor.values).all(|(wanted, got)| wanted == *got), "{name}");
+        }
     }
 }

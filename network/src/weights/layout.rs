@@ -1,135 +1,164 @@
-//! The tensors of the network: names and shapes of the authors' state dict, in its order. 135 of them, 7,738,180 numbers.
+//! Which tensors a network has: their names and shapes as PyTorch lists them (`network.md` 6).
 
-use std::sync::OnceLock;
+use std::fmt;
 
-/// Width of every row that agents, lanes and crosswalks are encoded into.
-pub const WIDTH: usize = 256;
-/// Width within feed-forward blocks.
-pub const HIDDEN: usize = 1024;
+use crate::constants::{COST_WEIGHTS, FEED_FORWARD, FUTURES, LANE_HIDDEN, STATE, STEPS, WIDTH};
 
-/// A tensor of the network.
+/// Which of the system's networks it is; they differ in their heads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Variant {
+    /// Three futures of all agents, and the weights of the planner's cost: `dipp`, and what the authors' code saves for `sep` and
+    /// `il-pred` too, where the cost's tensors stay as they began.
+    Joint,
+    /// The same without the cost: `sep`, `il-pred`.
+    Separate,
+    /// One future of the AV alone: `il`.
+    Imitation,
+}
+
+impl Variant {
+    /// How many futures come out.
+    #[must_use]
+    pub fn futures(self) -> usize {
+        if self == Self::Imitation { 1 } else { FUTURES }
+    }
+
+    /// Whether neighbours are predicted, and futures scored.
+    #[must_use]
+    pub fn predicts(self) -> bool {
+        self != Self::Imitation
+    }
+
+    /// Whether it has weights for the planner's cost.
+    #[must_use]
+    pub fn has_cost(self) -> bool {
+        self == Self::Joint
+    }
+}
+
+impl fmt::Display for Variant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Joint => "joint",
+            Self::Separate => "separate",
+            Self::Imitation => "imitation",
+        })
+    }
+}
+
+/// A tensor's name and shape.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Tensor {
-    /// Its name.
+pub struct TensorLayout {
+    /// Its name in the state dict.
     pub name: String,
-    /// Its shape.
+    /// Length along each axis.
     pub shape: Vec<usize>,
 }
 
-impl Tensor {
-    /// How many numbers it has.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.shape.iter().product()
-    }
-
-    /// Whether it has none: no tensor is so.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-}
-
-/// Buffers that a state dict holds beside the tensors, all integers: the scale of the learned cost weights and the two constant ones.
-pub const BUFFERS: [&str; 2] = ["plan.scale", "plan.constraint"];
-
-/// All tensors.
+/// The tensors of a variant in the order of the authors' state dict.
 #[must_use]
-pub fn tensors() -> &'static [Tensor] {
-    static TENSORS: OnceLock<Vec<Tensor>> = OnceLock::new();
-    TENSORS.get_or_init(|| {
-        let mut list = List::default();
-        for net in ["vehicle_net", "pedestrian_net", "cyclist_net"] {
-            list.lstm(&format!("{net}.motion"));
+pub fn layout(variant: Variant) -> Vec<TensorLayout> {
+    let mut list = List(Vec::new());
+    for kind in ["vehicle", "pedestrian", "cyclist"] {
+        for (layer, input) in [(0, STATE), (1, WIDTH)] {
+            let name = |part: &str| format!("{kind}_net.motion.{part}_l{layer}");
+            list.add(&name("weight_ih"), &[4 * WIDTH, input]);
+            list.add(&name("weight_hh"), &[4 * WIDTH, WIDTH]);
+            list.add(&name("bias_ih"), &[4 * WIDTH]);
+            list.add(&name("bias_hh"), &[4 * WIDTH]);
         }
-        for line in ["self_line", "left_line", "right_line"] {
-            list.linear(&format!("lane_net.{line}"), 128, 3);
-        }
-        list.linear("lane_net.speed_limit", 64, 1);
-        for (table, rows) in [
-            ("self_type", 4),
-            ("left_type", 11),
-            ("right_type", 11),
-            ("traffic_light_type", 9),
-            ("interpolating", 2),
-            ("stop_sign", 2),
-            ("stop_point", 2),
-        ] {
-            list.add(format!("lane_net.{table}.weight"), &[rows, 64]);
-        }
-        list.linear("lane_net.pointnet.0", 384, 512);
-        list.linear("lane_net.pointnet.2", WIDTH, 384);
-        list.linear("crosswalk_net.point_net.0", 64, 3);
-        list.linear("crosswalk_net.point_net.2", 128, 64);
-        list.linear("crosswalk_net.point_net.4", WIDTH, 128);
-        for attention in ["lane_attention", "crosswalk_attention"] {
-            list.attention(&format!("agent_map.{attention}.cross_attention"));
-            list.block(&format!("agent_map.{attention}.transformer"));
-        }
-        for mode in 0..3 {
-            list.attention(&format!("agent_map.map_attention.attention.{mode}"));
-        }
-        list.block("agent_map.map_attention.ffn");
-        for layer in 0..2 {
-            let layer = format!("agent_agent.interaction_net.layers.{layer}");
-            list.attention(&format!("{layer}.self_attn"));
-            list.linear(&format!("{layer}.linear1"), HIDDEN, WIDTH);
-            list.linear(&format!("{layer}.linear2"), WIDTH, HIDDEN);
-            list.norm(&format!("{layer}.norm1"));
-            list.norm(&format!("{layer}.norm2"));
-        }
-        list.linear("plan.control.1", WIDTH, 2 * WIDTH);
-        list.linear("plan.control.3", 100, WIDTH);
+    }
+    list.lane_encoder();
+    for (index, [outputs, inputs]) in [(0, [64, 3]), (2, [128, 64]), (4, [WIDTH, 128])] {
+        list.linear(&format!("crosswalk_net.point_net.{index}"), outputs, inputs);
+    }
+    for kind in ["lane", "crosswalk"] {
+        list.attention(&format!("agent_map.{kind}_attention.cross_attention"));
+        list.feed_forward(&format!("agent_map.{kind}_attention.transformer"));
+    }
+    for mode in 0..variant.futures() {
+        list.attention(&format!("agent_map.map_attention.attention.{mode}"));
+    }
+    list.feed_forward("agent_map.map_attention.ffn");
+    for layer in 0..2 {
+        let prefix = format!("agent_agent.interaction_net.layers.{layer}");
+        list.attention(&format!("{prefix}.self_attn"));
+        list.linear(&format!("{prefix}.linear1"), FEED_FORWARD, WIDTH);
+        list.linear(&format!("{prefix}.linear2"), WIDTH, FEED_FORWARD);
+        list.norm(&format!("{prefix}.norm1"));
+        list.norm(&format!("{prefix}.norm2"));
+    }
+    list.linear("plan.control.1", WIDTH, 2 * WIDTH);
+    list.linear("plan.control.3", 2 * STEPS, WIDTH);
+    if variant.has_cost() {
         list.linear("plan.cost.0", 128, 1);
-        list.linear("plan.cost.2", 9, 128);
+        list.linear("plan.cost.2", COST_WEIGHTS, 128);
+    }
+    if variant.predicts() {
         list.linear("predict.decode.1", WIDTH, 2 * WIDTH);
-        list.linear("predict.decode.3", 150, WIDTH);
+        list.linear("predict.decode.3", 3 * STEPS, WIDTH);
         list.linear("score.reduce.1", WIDTH, 2 * WIDTH);
         list.linear("score.decode.1", 128, 2 * WIDTH);
         list.linear("score.decode.3", 1, 128);
-        list.0
-    })
+    }
+    list.0
 }
 
-#[derive(Default)]
-struct List(Vec<Tensor>);
+/// Constants that PyTorch's state dict holds beside the weights; a file may leave them out.
+pub(super) const BUFFERS: [(&str, &[usize], &[i64]); 2] =
+    [("plan.scale", &[7], &[1, 1, 1, 1, 1, 10, 100]), ("plan.constraint", &[1, 2], &[10, 10])];
+
+/// The embeddings of a lane point's codes: name, rows, column of the lane tensor.
+pub(crate) const EMBEDDINGS: [(&str, usize, usize); 7] = [
+    ("self_type", 4, 10),
+    ("left_type", 11, 11),
+    ("right_type", 11, 12),
+    ("traffic_light_type", 9, 13),
+    ("interpolating", 2, 15),
+    ("stop_sign", 2, 16),
+    ("stop_point", 2, 14),
+];
+
+struct List(Vec<TensorLayout>);
 
 impl List {
-    fn add(&mut self, name: String, shape: &[usize]) {
-        self.0.push(Tensor { name, shape: shape.to_vec() });
+    fn add(&mut self, name: &str, shape: &[usize]) {
+        self.0.push(TensorLayout { name: name.to_owned(), shape: shape.to_vec() });
     }
 
-    fn linear(&mut self, name: &str, out: usize, inner: usize) {
-        self.add(format!("{name}.weight"), &[out, inner]);
-        self.add(format!("{name}.bias"), &[out]);
+    fn linear(&mut self, name: &str, outputs: usize, inputs: usize) {
+        self.add(&format!("{name}.weight"), &[outputs, inputs]);
+        self.add(&format!("{name}.bias"), &[outputs]);
     }
 
     fn norm(&mut self, name: &str) {
-        self.add(format!("{name}.weight"), &[WIDTH]);
-        self.add(format!("{name}.bias"), &[WIDTH]);
-    }
-
-    fn lstm(&mut self, name: &str) {
-        for (layer, inner) in [(0, 8), (1, WIDTH)] {
-            self.add(format!("{name}.weight_ih_l{layer}"), &[4 * WIDTH, inner]);
-            self.add(format!("{name}.weight_hh_l{layer}"), &[4 * WIDTH, WIDTH]);
-            self.add(format!("{name}.bias_ih_l{layer}"), &[4 * WIDTH]);
-            self.add(format!("{name}.bias_hh_l{layer}"), &[4 * WIDTH]);
-        }
+        self.add(&format!("{name}.weight"), &[WIDTH]);
+        self.add(&format!("{name}.bias"), &[WIDTH]);
     }
 
     fn attention(&mut self, name: &str) {
-        self.add(format!("{name}.in_proj_weight"), &[3 * WIDTH, WIDTH]);
-        self.add(format!("{name}.in_proj_bias"), &[3 * WIDTH]);
+        self.add(&format!("{name}.in_proj_weight"), &[3 * WIDTH, WIDTH]);
+        self.add(&format!("{name}.in_proj_bias"), &[3 * WIDTH]);
         self.linear(&format!("{name}.out_proj"), WIDTH, WIDTH);
     }
 
-    /// A norm, a feed-forward block and a norm; dropouts have the numbers between.
-    fn block(&mut self, name: &str) {
+    fn feed_forward(&mut self, name: &str) {
         self.norm(&format!("{name}.0"));
-        self.linear(&format!("{name}.1"), HIDDEN, WIDTH);
-        self.linear(&format!("{name}.4"), WIDTH, HIDDEN);
+        self.linear(&format!("{name}.1"), FEED_FORWARD, WIDTH);
+        self.linear(&format!("{name}.4"), WIDTH, FEED_FORWARD);
         self.norm(&format!("{name}.5"));
+    }
+
+    fn lane_encoder(&mut self) {
+        for line in ["self_line", "left_line", "right_line"] {
+            self.linear(&format!("lane_net.{line}"), 128, 3);
+        }
+        self.linear("lane_net.speed_limit", 64, 1);
+        for (name, rows, _) in EMBEDDINGS {
+            self.add(&format!("lane_net.{name}.weight"), &[rows, 64]);
+        }
+        self.linear("lane_net.pointnet.0", LANE_HIDDEN, 512);
+        self.linear("lane_net.pointnet.2", WIDTH, LANE_HIDDEN);
     }
 }
 
@@ -137,9 +166,19 @@ impl List {
 mod tests {
     use super::*;
 
+    fn numbers(variant: Variant) -> (usize, usize) {
+        let layout = layout(variant);
+        (layout.len(), layout.iter().map(|tensor| tensor.shape.iter().product::<usize>()).sum())
+    }
+
     #[test]
-    fn the_network_has_as_many_numbers_as_the_authors() {
-        assert_eq!(tensors().len(), 135);
-        assert_eq!(tensors().iter().map(Tensor::len).sum::<usize>(), 7_738_180);
+    fn the_authors_network_has_135_tensors_of_7_738_180_numbers() {
+        assert_eq!(numbers(Variant::Joint), (135, 7_738_180));
+    }
+
+    #[test]
+    fn without_a_cost_four_tensors_fewer_and_of_the_av_alone_the_heads_of_others_too() {
+        assert_eq!(numbers(Variant::Separate), (131, 7_738_180 - (128 + 128 + 9 * 128 + 9)));
+        assert_eq!(numbers(Variant::Imitation).0, 131 - 10 - 2 * 4);
     }
 }

@@ -1,46 +1,82 @@
-//! The weights of the network, under the names and shapes of the authors' PyTorch code, so that their checkpoints load.
+//! The network's weights: one type for files, for inference and for learning, under the names and shapes of the authors' PyTorch
+//! modules. Their checkpoints load after a plain export of the state dict:
 //!
-//! | module | what |
+//! ```text
+//! import torch, safetensors.torch
+//! weights = torch.load("model.pth", map_location="cpu")
+//! safetensors.torch.save_file({k: v.contiguous() for k, v in weights.items()}, "model.safetensors")
+//! ```
+//!
+//! | file | what |
 //! | --- | --- |
-//! | [`layout`] | every tensor's name and shape |
-//! | [`mod@file`] | safetensors, read and written |
-//! | [`formula`] | weights by a formula, for tests |
+//! | `layout` | which tensors a network has |
+//! | `file` | safetensors in and out |
+//! | `formula` | weights for tests, by a formula |
 
-pub mod file;
-pub mod formula;
-pub mod layout;
+mod error;
+mod file;
+mod formula;
+pub(crate) mod layout;
+#[cfg(test)]
+mod tests;
 
-use std::collections::BTreeMap;
-use std::sync::OnceLock;
+pub use error::WeightsError;
+pub use file::Precision;
+pub use layout::{TensorLayout, Variant, layout};
 
-use self::layout::Tensor;
+/// A tensor: numbers row by row.
+#[derive(Clone, Debug, PartialEq)]
+struct Tensor {
+    shape: Vec<usize>,
+    values: Vec<f32>,
+}
 
-/// All weights of a network, in f32.
+/// All weights of a network; each tensor of its variant is there in its shape, and every number is finite.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Weights {
-    /// In the order of [`layout::tensors`].
-    values: Vec<Vec<f32>>,
+    variant: Variant,
+    /// In the order of [`layout`].
+    tensors: Vec<(String, Tensor)>,
 }
 
 impl Weights {
-    /// Weights whose tensors are told one by one, in the order of [`layout::tensors`].
+    /// Which network they are of.
+    #[must_use]
+    pub fn variant(&self) -> Variant {
+        self.variant
+    }
+
+    /// Each tensor's name, shape and numbers, in the order of [`layout`].
+    pub fn tensors(&self) -> impl ExactSizeIterator<Item = (&str, &[usize], &[f32])> {
+        self.tensors.iter().map(|(name, tensor)| (name.as_str(), tensor.shape.as_slice(), tensor.values.as_slice()))
+    }
+
+    /// The weights of a network of `variant` with these numbers, a tensor each, in the order of [`layout`]: what training ends with.
     ///
     /// # Errors
-    /// What `tensor` returns.
-    pub fn try_of<E>(tensor: impl FnMut(&Tensor) -> Result<Vec<f32>, E>) -> Result<Self, E> {
-        Ok(Self { values: layout::tensors().iter().map(tensor).collect::<Result<_, E>>()? })
+    /// [`WeightsError`] where a tensor is missing, has another number of numbers, or one that is not finite.
+    pub fn from_tensors(variant: Variant, values: impl IntoIterator<Item = Vec<f32>>) -> Result<Self, WeightsError> {
+        let mut values = values.into_iter();
+        let mut tensors = Vec::new();
+        for TensorLayout { name, shape } in layout(variant) {
+            let Some(values) = values.next() else { return Err(WeightsError::Missing { name, shape }) };
+            if values.len() != shape.iter().product::<usize>() {
+                return Err(WeightsError::Shape { name, expected: shape, got: vec![values.len()] });
+            }
+            if let Some(place) = values.iter().position(|value| !value.is_finite()) {
+                return Err(WeightsError::NotFinite { name, place, value: values[place] });
+            }
+            tensors.push((name, Tensor { shape, values }));
+        }
+        Ok(Self { variant, tensors })
     }
 
-    /// The tensor of that name, row by row; empty where the layout has none.
-    #[must_use]
-    pub fn get(&self, name: &str) -> &[f32] {
-        static PLACES: OnceLock<BTreeMap<&'static str, usize>> = OnceLock::new();
-        let places = PLACES.get_or_init(|| layout::tensors().iter().map(|t| t.name.as_str()).zip(0..).collect());
-        places.get(name).map_or(&[], |place| &self.values[*place])
-    }
-
-    /// Every tensor with its values, in the order of [`layout::tensors`].
-    pub fn iter(&self) -> impl Iterator<Item = (&'static Tensor, &[f32])> {
-        layout::tensors().iter().zip(self.values.iter().map(Vec::as_slice))
+    /// The numbers of a tensor, row by row.
+    ///
+    /// # Errors
+    /// [`WeightsError::Unknown`] where this variant has none of that name.
+    pub fn tensor(&self, name: &str) -> Result<&[f32], WeightsError> {
+        let found = self.tensors.iter().find(|(own, _)| own == name);
+        found.map(|(_, tensor)| tensor.values.as_slice()).ok_or_else(|| WeightsError::Unknown { name: name.to_owned() })
     }
 }

@@ -6,9 +6,6 @@ use results::parquet::Table;
 
 use crate::stage::{Stage, shared};
 
-/// Where a free drive parts from theirs: fifty iterations that have not converged make metres of a rounding.
-const CHAOTIC: [(&str, &str); 1] = [("dipp42", "b36a6d0bc9e525bc")];
-
 fn drives_as_theirs(driver: &str, model: &str, weights: &str) {
     let (Some(trained), Some(scenes)) = (shared("dipp/trained"), shared("data/womd-derived/20s")) else { return };
     let stage = Stage::new();
@@ -30,8 +27,8 @@ fn drives_as_theirs(driver: &str, model: &str, weights: &str) {
         let theirs: (u32, String, f64) = (row[2].parse().unwrap(), row[3].replace('_', "-"), row[6].parse().unwrap());
         assert_eq!((steps[own], &ends[own]), (theirs.0, &theirs.1), "{model} in {}", row[0]);
         let apart = (progress[own].unwrap() / theirs.2 - 1.0).abs();
-        let most = if CHAOTIC.contains(&(model, row[0])) { 0.03 } else { 0.001 };
-        assert!(apart <= most, "{model} in {}: {:?} m, theirs {} m", row[0], progress[own], theirs.2);
+        // One drive is 0.6 % apart: searches that stop before they have converged make metres of a rounding.
+        assert!(apart <= 0.01, "{model} in {}: {:?} m, theirs {} m", row[0], progress[own], theirs.2);
         compared += 1;
     }
     assert_eq!(compared, 7);

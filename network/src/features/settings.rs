@@ -1,0 +1,13 @@
+//! Whose features they are.
+
+/// Whose features.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Settings {
+    /// The authors', to the number, with all their quirks: what their weights were trained on.
+    Authors,
+    /// With what is plainly a bug mended (`network.md` 4.6): presence is carried instead of read from zeros, histories are filled
+    /// in with sizes and types, a lane starts at its nearest point, the nearest lanes come first, single lanes are no
+    /// duplicates of each other, a light is shown to its own lane alone, headings wrap, and nothing is rounded before the end.
+    #[default]
+    Mended,
+}
