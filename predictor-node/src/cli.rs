@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
-use predictor_node::{Options, PredictorKind};
+use predictor_node::{FeatureStyle, Options, PredictorKind};
 
 /// Serves a predictor on the bus of a run
 #[derive(Debug, Parser)]
@@ -30,6 +30,20 @@ pub struct Serve {
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Say what the network was shown at a recorded step, and what each agent attended to
+    Explain {
+        /// The recording, an .mcap file
+        recording: PathBuf,
+        /// The step, from 0
+        #[arg(long)]
+        step: u32,
+        /// A .safetensors file
+        #[arg(long, value_name = "FILE")]
+        weights: PathBuf,
+        /// How the features are made
+        #[arg(long, value_enum, default_value_t)]
+        features: FeatureStyle,
+    },
     /// Hold the prediction network to numbers of the authors' code
     ///
     /// Of the folder: the features of `feature-vectors`, if the scenes are given; the outputs of `network-vectors`, by the weights

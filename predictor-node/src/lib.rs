@@ -7,12 +7,13 @@
 //! | `network` | `network.rs` | the prediction network of the DIPP paper; its mathematics is [`mod@::network`] |
 //! | `oracle` | `oracle.rs` | what the log says; reads the scene set by itself |
 //!
-//! [`verify`](mod@verify) holds the network to numbers of the authors' code.
+//! [`explain`](mod@explain) tells what the network was shown at a recorded step, and what agents attended to; [`verify`](mod@verify) holds the network to numbers of the authors' code.
 //!
 //! A predictor is pure: what it answers depends on its inputs alone. To add one: a file, a member of [`PredictorKind`], a
 //! line in [`PredictorKind::factory`].
 
 mod ctrv;
+pub mod explain;
 mod network;
 mod oracle;
 pub mod verify;

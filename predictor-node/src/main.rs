@@ -6,6 +6,7 @@ use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
 use anyhow::bail;
+use predictor_node::explain::explain;
 use predictor_node::verify::verify;
 
 use tracing_subscriber::EnvFilter;
@@ -28,16 +29,20 @@ fn main() -> ExitCode {
 }
 
 fn run(cli: cli::Cli) -> anyhow::Result<ExitCode> {
-    if let Some(cli::Command::Verify { weights, vectors, scenarios }) = cli.command {
-        let reports = verify(&weights, &vectors, &scenarios)?;
-        for (title, report) in &reports {
-            say(&format!("{title}\n{report}\n"))?;
+    match cli.command {
+        Some(cli::Command::Verify { weights, vectors, scenarios }) => {
+            let reports = verify(&weights, &vectors, &scenarios)?;
+            for (title, report) in &reports {
+                say(&format!("{title}\n{report}\n"))?;
+            }
+            let holds = reports.iter().all(|(_, report)| report.holds());
+            return Ok(if holds { ExitCode::SUCCESS } else { ExitCode::from(1) });
         }
-        return Ok(if reports.iter().all(|(_, report)| report.holds()) {
-            ExitCode::SUCCESS
-        } else {
-            ExitCode::from(1)
-        });
+        Some(cli::Command::Explain { recording, step, weights, features }) => {
+            say(&explain(&recording, step, &weights, features)?.to_string())?;
+            return Ok(ExitCode::SUCCESS);
+        }
+        None => {}
     }
     // clap lets nothing pass that has neither.
     let Some(serve) = cli.serve else { bail!("nothing to do: give --predictor") };

@@ -99,12 +99,13 @@ impl Predictor for Drive {
         let observation = step.observation;
         let features = self.features.at(&self.history.observe(observation));
         self.model.forward(&[&features.frame], &mut self.workspace, &mut self.answer);
-        Ok(answered(&self.answer[0], &features, observation.step, observation.av.pose()))
+        let predicted = if self.model.variant().predicts() { self.answer[0].futures } else { 0 };
+        Ok(answered(&self.answer[0], predicted, &features, observation.step, observation.av.pose()))
     }
 }
 
-/// The message of an answer, in the log's frame.
-fn answered(answer: &Answer, features: &Features, step: u32, av: Pose) -> UncheckedPrediction {
+/// The message of an answer, in the log's frame; the first futures of it are of others too.
+fn answered(answer: &Answer, predicted: usize, features: &Features, step: u32, av: Pose) -> UncheckedPrediction {
     let in_the_log = |[x, y, heading]: &[f32; 3]| {
         let place = av.to_world(Point::new(f64::from(*x), f64::from(*y)));
         Pose::new(place.x, place.y, wrap_angle(f64::from(*heading) + av.heading))
@@ -113,7 +114,7 @@ fn answered(answer: &Answer, features: &Features, step: u32, av: Pose) -> Unchec
         track: *track,
         poses: poses.iter().map(in_the_log).collect(),
     };
-    let futures = answer.poses.iter().zip(answer.probabilities).take(answer.futures);
+    let futures = answer.poses.iter().zip(answer.probabilities).take(predicted);
     let futures = futures.map(|(poses, probability)| Future {
         probability: f64::from(probability),
         trajectories: features.tracks.iter().zip(poses).map(trajectory).collect(),

@@ -118,6 +118,15 @@ pub const DRIVERS: &[Driver] = &[
         predictor: Predictor::Network,
         motion: MotionName::Bicycle,
     },
+    Driver {
+        name: "il",
+        about: "The plan of a network that predicts nobody; needs --weights",
+        planner: "network",
+        planner_options: &[],
+        planner_reads_log: false,
+        predictor: Predictor::Network,
+        motion: MotionName::Bicycle,
+    },
 ];
 
 /// The row of `name`.

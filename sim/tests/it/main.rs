@@ -55,7 +55,7 @@ fn help_says_what_can_be_typed() {
     What to drive:
           --scenarios <PATH>...        Scenes, as PATH is; takes all that follows up to the next option
           --driver <NAME>              Who drives [default: idm] [possible values: idm, human,
-                                       constant-velocity, gn-ctrv, gn-oracle, dipp, sep, il-pred]
+                                       constant-velocity, gn-ctrv, gn-oracle, dipp, sep, il-pred, il]
           --predictor <NAME>           Where predictions come from [default: what the driver wants]
                                        [possible values: none, ctrv, oracle, network]
           --weights <FILE>             Weights of the prediction network, a .safetensors file; for dipp,
@@ -127,7 +127,7 @@ fn what_makes_no_sense_is_refused_with_code_2_and_a_hint() {
     --- stdout
     --- stderr
     error: invalid value 'nobody' for '--driver <NAME>'
-      [possible values: idm, human, constant-velocity, gn-ctrv, gn-oracle, dipp, sep, il-pred]
+      [possible values: idm, human, constant-velocity, gn-ctrv, gn-oracle, dipp, sep, il-pred, il]
 
     For more information, try '--help'.
     ");
