@@ -107,7 +107,10 @@ impl fmt::Display for Explanation {
         let likeliest = answer.most_probable();
         writeln!(f, "futures {}; attention to the map is that of number {}", probabilities.join(", "), likeliest + 1)?;
         for (agent, ((name, away), view)) in agents.iter().zip(views).enumerate() {
-            writeln!(f, "\n{name}, {away:.1} m away")?;
+            match agent {
+                0 => writeln!(f, "\n{name}")?,
+                _ => writeln!(f, "\n{name}, {away:.1} m away")?,
+            }
             // The second layer's: what the rest of the network goes by.
             let mut others: Vec<(f32, &str)> = answer.attention.agents[1][agent]
                 .iter()
@@ -116,14 +119,14 @@ impl fmt::Display for Explanation {
                 .collect();
             others.sort_by(|a, b| b.0.total_cmp(&a.0));
             let others = others.iter().take(NAMED).map(|(share, other)| format!("{other} {share:.2}"));
-            writeln!(f, "  agents      {}", others.collect::<Vec<_>>().join(", "))?;
+            writeln!(f, "  agents         {}", others.collect::<Vec<_>>().join(", "))?;
             let shares = answer.attention.map[likeliest][agent];
             for (slot, sequence) in view.sequences.iter().enumerate() {
                 let lanes: Vec<String> = sequence.lanes.iter().map(|(lane, _)| lane.to_string()).collect();
-                writeln!(f, "  lanes  {:.2} {}", shares[slot], lanes.join(" > "))?;
+                writeln!(f, "  lanes     {:.2} {}", shares[slot], lanes.join(" > "))?;
             }
             for (slot, crosswalk) in view.crosswalks.iter().enumerate() {
-                writeln!(f, "  crossw {:.2} {crosswalk}", shares[LANES + slot])?;
+                writeln!(f, "  crosswalk {:.2} {crosswalk}", shares[LANES + slot])?;
             }
             if let Some(candidates) = view.candidates.filter(|candidates| *candidates > view.sequences.len()) {
                 writeln!(f, "  (of {candidates} sequences)")?;

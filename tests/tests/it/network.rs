@@ -4,7 +4,7 @@ use std::fs;
 
 use results::parquet::Table;
 
-use crate::stage::{Stage, shared};
+use crate::stage::{Stage, program, shared};
 
 fn drives_as_theirs(driver: &str, model: &str, weights: &str) {
     let (Some(trained), Some(scenes)) = (shared("dipp/trained"), shared("data/womd-derived/20s")) else { return };
@@ -47,6 +47,26 @@ fn sep_drives_as_the_authors() {
 #[test]
 fn il_pred_drives_as_the_authors() {
     drives_as_theirs("il-pred", "ilpred42", "sep42.f16.safetensors");
+}
+
+#[test]
+fn a_recorded_step_is_explained() {
+    let Some(trained) = shared("dipp/trained") else { return };
+    let weights = trained.join("dipp42.f16.safetensors");
+    let stage = Stage::new();
+    let ended =
+        stage.sim(&format!("run --scenarios small.toml --driver dipp --weights {} --out run", weights.display()));
+    assert_eq!(ended.code, Some(0), "{}", ended.err);
+    let recording = fs::read_dir(stage.path("run/episodes")).unwrap().map(|file| file.unwrap().path());
+    let recording = recording.into_iter().find(|path| path.extension().is_some_and(|kind| kind == "mcap")).unwrap();
+    let explained = std::process::Command::new(program("predictor-node"))
+        .args(["explain".as_ref(), recording.as_os_str(), "--step".as_ref(), "3".as_ref()])
+        .args(["--weights".as_ref(), weights.as_os_str()])
+        .output()
+        .unwrap();
+    let said = String::from_utf8(explained.stdout).unwrap();
+    assert!(said.contains("step 3: what the network was shown") && said.contains("\nAV\n  agents "), "{said}");
+    assert!(said.contains("  lanes     "), "{said}");
 }
 
 #[test]
