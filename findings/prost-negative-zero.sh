@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# version: prost 0.14.4 (crates.io), protobuf 7.36.2 (PyPI)
+# version: prost 0.14.4 for Rust, protobuf 7.36.2 for Python
 # prost 0.14.4 (Rust) writes nothing for a double of -0.0; protobuf 7.36.2 (Python) writes it. Both are "proto3".
 # Expected: one number, one encoding. Seen: 0 bytes and 9, so a sign is lost by one writer and kept by the other: two nodes that
 # compute the same plan in two languages differ in a bit.

@@ -75,3 +75,22 @@ fn every_file_of_vectors_is_known_by_what_it_holds() {
         }
     }
 }
+
+#[test]
+fn the_authors_first_frame_is_what_a_live_drive_begins_with() {
+    let Some(folder) = vectors::shared("dipp/feature-vectors") else { return };
+    let Some(mut scenes) = scenes() else { return };
+    for (name, file) in
+        [("53e9adfdac0eb822", "53e9adfdac0eb822_019.npz"), ("b36a6d0bc9e525bc", "b36a6d0bc9e525bc_019.npz")]
+    {
+        let scene = scenes(name).unwrap();
+        let episode = episode::Episode::new(scene, &episode::protocol::Protocol::Paper).unwrap();
+        let briefing = episode.briefing();
+        let window = network::features::History::new(&briefing).observe(&episode.observe());
+        let features = network::features::SceneFeatures::new(&briefing.map, network::features::Settings::Authors);
+        let (live, wanted) =
+            (features.at(&window).frame, verify::frame(&vectors::Npz::read(&folder.join(file)).unwrap()).unwrap());
+        assert!(live.ego == wanted.ego && live.neighbors == wanted.neighbors, "{name}: agents");
+        assert!(live.lanes == wanted.lanes && live.crosswalks == wanted.crosswalks, "{name}: map");
+    }
+}

@@ -2,7 +2,6 @@
 
 mod cli;
 
-use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
 use anyhow::{Context, bail};
@@ -31,11 +30,11 @@ fn run(cli: cli::Cli) -> anyhow::Result<ExitCode> {
     match cli.command {
         Some(cli::Command::Verify { folder }) => {
             let report = folder.map_or_else(verify_own, |folder| verify(&folder))?;
-            say(&format!("{report}\n"))?;
+            terminal::say(&format!("{report}\n"))?;
             return Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::from(1) });
         }
         Some(cli::Command::Explain { recording, step, weights }) => {
-            say(&explain(&recording, step, weights.as_ref())?.to_string())?;
+            terminal::say(&explain(&recording, step, weights.as_ref())?.to_string())?;
             return Ok(ExitCode::SUCCESS);
         }
         None => {}
@@ -47,12 +46,4 @@ fn run(cli: cli::Cli) -> anyhow::Result<ExitCode> {
         Stop::Interrupted => ExitCode::from(130),
         Stop::ParentGone | Stop::SimGone => ExitCode::SUCCESS,
     })
-}
-
-/// Whoever closes the pipe has read enough.
-fn say(text: &str) -> std::io::Result<()> {
-    match std::io::stdout().write_all(text.as_bytes()) {
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
-        result => result,
-    }
 }

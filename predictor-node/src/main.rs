@@ -2,7 +2,6 @@
 
 mod cli;
 
-use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
 use anyhow::bail;
@@ -33,13 +32,13 @@ fn run(cli: cli::Cli) -> anyhow::Result<ExitCode> {
         Some(cli::Command::Verify { weights, vectors, scenarios }) => {
             let reports = verify(&weights, &vectors, &scenarios)?;
             for (title, report) in &reports {
-                say(&format!("{title}\n{report}\n"))?;
+                terminal::say(&format!("{title}\n{report}\n"))?;
             }
             let holds = reports.iter().all(|(_, report)| report.holds());
             return Ok(if holds { ExitCode::SUCCESS } else { ExitCode::from(1) });
         }
         Some(cli::Command::Explain { recording, step, weights, features }) => {
-            say(&explain(&recording, step, &weights, features)?.to_string())?;
+            terminal::say(&explain(&recording, step, &weights, features)?.to_string())?;
             return Ok(ExitCode::SUCCESS);
         }
         None => {}
@@ -51,12 +50,4 @@ fn run(cli: cli::Cli) -> anyhow::Result<ExitCode> {
         Stop::Interrupted => ExitCode::from(130),
         Stop::ParentGone | Stop::SimGone => ExitCode::SUCCESS,
     })
-}
-
-/// Whoever closes the pipe has read enough.
-fn say(text: &str) -> std::io::Result<()> {
-    match std::io::stdout().write_all(text.as_bytes()) {
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
-        result => result,
-    }
 }

@@ -2,7 +2,6 @@
 
 mod cli;
 
-use std::io::{ErrorKind, Write as _};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
@@ -47,7 +46,8 @@ fn export_file(arguments: &cli::Export) -> anyhow::Result<ExitCode> {
     if let Some(trouble) = export::export(&arguments.mcap, &rrd, arguments.run.as_deref(), arguments.force)? {
         eprintln!("warning: {} is {trouble}; the rest is drawn", arguments.mcap.display());
     }
-    say(&format!("{}\n", rrd.display()))
+    terminal::say(&format!("{}\n", rrd.display()))?;
+    Ok(ExitCode::SUCCESS)
 }
 
 fn show_info(arguments: &cli::Info) -> anyhow::Result<ExitCode> {
@@ -56,15 +56,7 @@ fn show_info(arguments: &cli::Info) -> anyhow::Result<ExitCode> {
         let name = path.display().to_string();
         let info = info::Info::read(name, &recorded, arguments.settings);
         let info = info.with_context(|| format!("cannot use {}", path.display()))?;
-        say(&format!("{}{info}", if number == 0 { "" } else { "\n" }))?;
+        terminal::say(&format!("{}{info}", if number == 0 { "" } else { "\n" }))?;
     }
     Ok(ExitCode::SUCCESS)
-}
-
-/// Writes to standard output; a reader that has seen enough (`| head`) is no error.
-fn say(text: &str) -> anyhow::Result<ExitCode> {
-    match std::io::stdout().write_all(text.as_bytes()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error.into()),
-        _ => Ok(ExitCode::SUCCESS),
-    }
 }

@@ -3,7 +3,7 @@
 //! Results go to standard output, everything else to standard error. Exit codes: 0 done; 1 done, with episodes that failed or
 //! are not recorded whole; 2 usage or unusable input; 130 interrupted.
 
-use std::io::{self, Write};
+use std::io;
 use std::num::NonZero;
 use std::process::ExitCode;
 use std::thread;
@@ -62,8 +62,8 @@ fn drive(arguments: RunArgs, clock: WallClock, console: &Console) -> anyhow::Res
     let done = run::run(&request, clock, console, &interrupts)?;
     let summary = Summary::read(&done.folder)?;
     let clean = summary.failures.is_empty() && summary.broken_recordings.is_empty();
-    print(&table::render(&[summary], TableFormat::Text, width()))?;
-    print(&format!("\nfolder {}\ndigest {}\n", done.folder.display(), results::digest(&done.folder)?))?;
+    terminal::say(&table::render(&[summary], TableFormat::Text, width()))?;
+    terminal::say(&format!("\nfolder {}\ndigest {}\n", done.folder.display(), results::digest(&done.folder)?))?;
     if request.timing {
         console.line(&done.breakdown.lines(clock.now().as_secs_f64()));
     }
@@ -90,7 +90,7 @@ fn print_tables(arguments: &TableArgs, console: &Console) -> anyhow::Result<Exit
         console.line(&format!("note: passed over, because there is no finished run: {}", names.join(", ")));
     }
     if !arguments.scenes {
-        print(&table::render(&runs, arguments.format, width()))?;
+        terminal::say(&table::render(&runs, arguments.format, width()))?;
         return Ok(ExitCode::SUCCESS);
     }
     let mut by_scene = Vec::new();
@@ -98,7 +98,7 @@ fn print_tables(arguments: &TableArgs, console: &Console) -> anyhow::Result<Exit
         let scenes = Scenes::read(&run.folder, arguments.worst)?;
         by_scene.push((run, scenes));
     }
-    print(&scenes::render(&by_scene, arguments.format, width()))?;
+    terminal::say(&scenes::render(&by_scene, arguments.format, width()))?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -113,15 +113,6 @@ fn print_verdict(arguments: &VerifyArgs) -> anyhow::Result<ExitCode> {
     // These errors name their causes as sources; whoever prints the error prints one line.
     let report = verify(&arguments.scenarios, &arguments.vectors)
         .map_err(|error| anyhow::anyhow!("{:#}", anyhow::Error::from(error)))?;
-    print(&format!("{report}\n"))?;
+    terminal::say(&format!("{report}\n"))?;
     Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::from(1) })
-}
-
-/// Prints to standard output. Whoever closed it has read enough: no error.
-fn print(text: &str) -> io::Result<()> {
-    let mut out = io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        written => written,
-    }
 }

@@ -17,6 +17,22 @@ pub fn colours(stream: &impl IsTerminal) -> bool {
     stream.is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|said| said.is_empty())
 }
 
+/// Writes to standard output. Whoever closed it has read enough (`| head`): no error.
+///
+/// # Errors
+/// Any other that writing makes.
+pub fn say(text: &str) -> io::Result<()> {
+    write(text.as_bytes())
+}
+
+fn write(bytes: &[u8]) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    match out.write_all(bytes).and_then(|()| out.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        written => written,
+    }
+}
+
 /// The command line of this program, or the end of it: a wrong one, `--help`, `--version`, `completions SHELL` and `man` are
 /// answered here, alike for all programs.
 #[must_use]
@@ -24,9 +40,7 @@ pub fn parse<Cli: CommandFactory + FromArgMatches>(version: &'static str) -> Cli
     let mut command = with_pages(Cli::command().version(version));
     let matches = command.get_matches_mut();
     if let Some(page) = page(&mut command, &matches) {
-        // Whoever closes the pipe has read enough.
-        let written = io::stdout().write_all(&page);
-        process::exit(if written.is_err_and(|error| error.kind() != io::ErrorKind::BrokenPipe) { 2 } else { 0 });
+        process::exit(if write(&page).is_err() { 2 } else { 0 });
     }
     Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.format(&mut command).exit())
 }

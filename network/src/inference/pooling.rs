@@ -121,15 +121,8 @@ fn pool_tile<S: Simd, const H: usize>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::product::kernels;
+    use super::super::product::{kernels, numbers};
     use super::*;
-
-    /// Numbers in [-1, 1) that are not round.
-    fn numbers(count: usize, seed: u64) -> Vec<f32> {
-        (0..count as u64)
-            .map(|i| ((i + seed).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as f32 / 8_388_608.0 - 1.0)
-            .collect()
-    }
 
     #[test]
     fn scores_and_pools_have_the_same_bytes_on_any_machine() {

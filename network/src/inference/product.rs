@@ -243,6 +243,13 @@ pub(super) fn tile<S: Simd, const R: usize, const V: usize>(
     }
 }
 
+/// Numbers in [-1, 1) that are not round.
+#[cfg(test)]
+pub(super) fn numbers(count: usize, seed: u64) -> Vec<f32> {
+    let mixed = |i: u64| (i + seed).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;
+    (0..count as u64).map(|i| mixed(i) as f32 / 8_388_608.0 - 1.0).collect()
+}
+
 /// Every set of instructions that this machine has.
 #[cfg(test)]
 pub(super) fn kernels() -> Vec<Kernel> {
@@ -255,13 +262,6 @@ pub(super) fn kernels() -> Vec<Kernel> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Numbers in [-1, 1) that are not round.
-    fn numbers(count: usize, seed: u64) -> Vec<f32> {
-        (0..count as u64)
-            .map(|i| ((i + seed).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as f32 / 8_388_608.0 - 1.0)
-            .collect()
-    }
 
     #[test]
     fn a_product_is_the_sum_of_its_terms_in_order_on_any_machine() {
