@@ -46,7 +46,7 @@ fn cases() -> Vec<Case> {
 
 fn generated() -> Vec<Case> {
     let case = |family: &scenarios::generated::Family| {
-        let scene = scenarios::womd::read(&family.payload("bench", 1, 0).unwrap()).unwrap().0;
+        let scene = scenarios::womd::read(&family.payload("bench", 1, 0, &Default::default()).unwrap()).unwrap().0;
         let window = Window::logged(&scene, 60).unwrap();
         let frame = SceneFeatures::new(scene.map(), Settings::Authors).at(&window).frame;
         Case { name: family.name.to_owned(), scene: Arc::new(scene), window, frame }

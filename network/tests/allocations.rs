@@ -14,7 +14,7 @@ fn an_answer_allocates_nothing_however_many_frames() {
     let frames: Vec<Frame> = FAMILIES
         .iter()
         .map(|family| {
-            let scene = scenarios::womd::read(&family.payload("count", 1, 0).unwrap()).unwrap().0;
+            let scene = scenarios::womd::read(&family.payload("count", 1, 0, &Default::default()).unwrap()).unwrap().0;
             SceneFeatures::new(scene.map(), Settings::Mended).at(&Window::logged(&scene, 60).unwrap()).frame
         })
         .collect();

@@ -20,7 +20,7 @@ use world::signal::{Signal, SignalState};
 
 fn generated(family: usize, seed: u64) -> Scene {
     let family = &FAMILIES[family % FAMILIES.len()];
-    scenarios::womd::read(&family.payload("law", seed, 0).unwrap()).unwrap().0
+    scenarios::womd::read(&family.payload("law", seed, 0, &Default::default()).unwrap()).unwrap().0
 }
 
 fn features(scene: &Scene, step: usize, settings: Settings) -> network::features::Features {

@@ -123,7 +123,7 @@ pub fn scene_set_toml(bytes: &[u8]) {
 #[must_use]
 pub fn womd_seeds() -> Vec<Vec<u8>> {
     let Some(family) = crate::generated::Family::named("red-light") else { return Vec::new() };
-    let Ok(payload) = family.payload("seed", 0, 0) else { return Vec::new() };
+    let Ok(payload) = family.payload("seed", 0, 0, &Default::default()) else { return Vec::new() };
     let Ok((scene, _)) = womd::read(&payload) else { return Vec::new() };
     let mut parts = scene.into_parts();
     parts.timestamps.truncate(3);
@@ -225,7 +225,7 @@ mod tests {
 
     #[test]
     fn mutated_scene_sets_do_no_harm() {
-        let text = b"files = ['a']\nglobs = ['b*']\nscenes = ['c']\n[[generate]]\nfamily = 'd'\nseed = 7\ncount = 3\n";
+        let text = b"files = ['a']\nglobs = ['b*']\nscenes = ['c']\n[[generate]]\nfamily = 'd'\nseed = 7\ncount = 3\nname = 'e'\nparameters = { f = 1, g = [2.0, 3] }\n";
         mutated(&[text.to_vec()], 5_000, scene_set_toml);
     }
 }

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::generated::Family;
+use crate::generated::{Family, Parameters};
 use crate::tfrecord::Restart;
 
 /// A record's place.
@@ -37,6 +37,8 @@ pub enum Source {
         seed: u64,
         /// The scene's number among those of this seed.
         index: u32,
+        /// What was given for its family.
+        parameters: Arc<Parameters>,
     },
 }
 
@@ -44,8 +46,9 @@ impl fmt::Display for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::File(Place { path, record, .. }) => write!(f, "{} (record {record})", path.display()),
-            Self::Generated { family, seed, index } => {
-                write!(f, "generated {}, seed {seed}, scene {index}", family.name)
+            Self::Generated { family, seed, index, parameters } => {
+                write!(f, "generated {}, seed {seed}, scene {index}", family.name)?;
+                if parameters.is_empty() { Ok(()) } else { write!(f, ", {parameters}") }
             }
         }
     }

@@ -11,7 +11,7 @@ use crate::verify::{frame, verify_outputs};
 
 /// A step of a generated scene.
 fn generated(family: &str, seed: u64, step: usize) -> Frame {
-    let payload = Family::named(family).unwrap().payload("test", seed, 0).unwrap();
+    let payload = Family::named(family).unwrap().payload("test", seed, 0, &Default::default()).unwrap();
     let scene = scenarios::womd::read(&payload).unwrap().0;
     SceneFeatures::new(scene.map(), Settings::Mended).at(&Window::logged(&scene, step).unwrap()).frame
 }

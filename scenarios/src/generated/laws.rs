@@ -14,7 +14,8 @@ use crate::womd;
 
 fn scenes(seed: u64, index: u32) -> Vec<Scene> {
     let scene = |family: &super::Family| {
-        let (scene, findings) = womd::read(&family.payload(family.name, seed, index).unwrap()).unwrap();
+        let (scene, findings) =
+            womd::read(&family.payload(family.name, seed, index, &Default::default()).unwrap()).unwrap();
         assert_eq!(findings, [], "{} {seed} {index}", family.name);
         scene
     };
@@ -102,7 +103,7 @@ fn the_demo_scenes_are_clean_and_feasible() {
 #[test]
 fn one_seed_gives_one_scene_and_another_gives_another() {
     for family in FAMILIES {
-        let payload = |seed, index| family.payload("x", seed, index).unwrap();
+        let payload = |seed, index| family.payload("x", seed, index, &Default::default()).unwrap();
         assert_eq!(payload(7, 1), payload(7, 1));
         assert_ne!(payload(7, 1), payload(7, 2));
         assert_ne!(payload(7, 1), payload(8, 1));

@@ -5,26 +5,32 @@
 //! | module | what |
 //! | --- | --- |
 //! | `families` | the scenes themselves, a file each |
+//! | `parameters`, `draw` | what a user may narrow down; what a scene draws |
 //! | `roads`, `junction` | maps |
 //! | `curve`, `motion`, `stage` | how actors move, and how that becomes tracks |
 //! | `pcg` | random numbers from a seed |
 
 mod curve;
+mod draw;
 mod families;
 mod junction;
 #[cfg(test)]
 mod laws;
 mod motion;
+mod parameters;
 mod pcg;
 mod roads;
 mod stage;
 
 use world::scene::{SceneError, SceneParts};
 
+use self::draw::Draw;
 use crate::womd;
+#[cfg(test)]
 pub(crate) use pcg::Pcg32;
 
 pub use families::FAMILIES;
+pub use parameters::{COMMON, Parameter, ParameterError, Parameters};
 
 /// Steps of a generated scene: 20 s.
 pub(crate) const STEPS: usize = 200;
@@ -36,7 +42,9 @@ pub struct Family {
     pub name: &'static str,
     /// What happens in it.
     pub about: &'static str,
-    compose: fn(&mut Pcg32) -> SceneParts,
+    /// What a user may narrow down, besides [`COMMON`].
+    pub parameters: &'static [Parameter],
+    compose: fn(&mut Draw) -> SceneParts,
 }
 
 impl PartialEq for Family {
@@ -54,12 +62,18 @@ impl Family {
         FAMILIES.iter().find(|family| family.name == name)
     }
 
-    /// Scene `index` of `seed` as the payload of a WOMD record, under the name `id`.
+    /// All that a user may narrow down: what every family has, then its own. Scenes draw them in this order.
+    pub fn all_parameters(&self) -> impl Iterator<Item = &'static Parameter> {
+        COMMON.iter().chain(self.parameters)
+    }
+
+    /// Scene `index` of `seed` as the payload of a WOMD record, under the name `id`. The `parameters` should have been checked
+    /// ([`Parameters::check`]): those that the family does not have change nothing, and what is beyond limits gives odd scenes.
     ///
     /// # Errors
     /// [`SceneError`] if `id` cannot be a scene's name.
-    pub fn payload(&self, id: &str, seed: u64, index: u32) -> Result<Vec<u8>, SceneError> {
-        let parts = (self.compose)(&mut Pcg32::new(seed, u64::from(index)));
+    pub fn payload(&self, id: &str, seed: u64, index: u32, parameters: &Parameters) -> Result<Vec<u8>, SceneError> {
+        let parts = (self.compose)(&mut Draw::new(seed, index, self.all_parameters(), parameters));
         let (scene, _) = SceneParts { id: id.to_owned(), ..parts }.check()?;
         Ok(womd::write(&scene))
     }

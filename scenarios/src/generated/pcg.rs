@@ -20,7 +20,8 @@ impl Pcg32 {
         generator
     }
 
-    fn next(&mut self) -> u32 {
+    /// 32 random bits.
+    pub(super) fn next(&mut self) -> u32 {
         let old = self.state;
         self.state = old.wrapping_mul(MULTIPLIER).wrapping_add(self.increment);
         let folded = (((old >> 18) ^ old) >> 27) as u32;

@@ -12,7 +12,7 @@ use crate::womd;
 
 /// What is found in a generated scene after `spoil`.
 fn found(family: &str, spoil: impl Fn(&mut SceneParts)) -> Vec<Lint> {
-    let payload = Family::named(family).unwrap().payload("x", 3, 0).unwrap();
+    let payload = Family::named(family).unwrap().payload("x", 3, 0, &Default::default()).unwrap();
     let mut parts = womd::read(&payload).unwrap().0.into_parts();
     spoil(&mut parts);
     let (scene, findings) = parts.check().unwrap();

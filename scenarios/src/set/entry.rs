@@ -25,8 +25,8 @@ impl SceneEntry {
     pub(super) fn read<T>(&self, take: impl FnOnce(&[u8]) -> Result<T, WomdError>) -> Result<T, SetError> {
         match &self.source {
             Source::File(place) => Ok(read_at(place, take)?),
-            Source::Generated { family, seed, index } => family
-                .payload(self.id.as_str(), *seed, *index)
+            Source::Generated { family, seed, index, parameters } => family
+                .payload(self.id.as_str(), *seed, *index, parameters)
                 .map_err(WomdError::from)
                 .and_then(|payload| take(&payload))
                 .map_err(|problem| SetError::Generated { id: self.id.to_string(), problem }),

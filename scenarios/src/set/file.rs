@@ -3,6 +3,8 @@
 use serde::Deserialize;
 use thiserror::Error;
 
+use crate::generated::Parameters;
+
 /// A scene set as a file says it. Paths are relative to that file's folder.
 ///
 /// ```
@@ -16,8 +18,11 @@ use thiserror::Error;
 ///     family = "following"
 ///     seed = 7
 ///     count = 3
+///     name = "near"                                                   # ids are near-7-0 ..., not following-7-0 ...
+///     parameters = { gap = 4.0, traffic = [0.5, 1.5] }                # a number, or a range that each scene draws from
 /// "#).unwrap();
 /// assert_eq!(set.generate[0].count, 3);
+/// assert_eq!(set.generate[0].parameters.to_string(), "gap=4, traffic=0.5..1.5");
 /// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -41,18 +46,23 @@ pub struct SetFile {
 /// The most scenes of one `[[generate]]`: all are made once when the set is opened, a few milliseconds each.
 const MOST_GENERATED: u32 = 100_000;
 
-/// Scenes of one family.
+/// Scenes of one family, or of all.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Generate {
-    /// The family's name; docs/scenes.md lists them.
+    /// The family's name, which `scenarios families` lists, or `all`.
     pub family: String,
     /// Where its random numbers start.
     #[serde(default)]
     pub seed: u64,
-    /// How many scenes, at most [`MOST_GENERATED`]; they are called `family-seed-0`, `family-seed-1` ...
+    /// How many scenes of each family, at most [`MOST_GENERATED`]; they are called `FAMILY-SEED-0`, `FAMILY-SEED-1` ...
     #[serde(default = "one")]
     pub count: u32,
+    /// What they are called instead: `NAME-SEED-0` ...; those of all families `NAME-FAMILY-SEED-0` ...
+    pub name: Option<String>,
+    /// What is known of the scenes beforehand: a number, or a range that each draws from.
+    #[serde(default)]
+    pub parameters: Parameters,
 }
 
 fn one() -> u32 {

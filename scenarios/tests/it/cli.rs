@@ -38,7 +38,8 @@ fn lint_of_clean_scenes() {
 #[test]
 fn lint_of_a_log_that_collides_with_what_is_on_the_road() {
     let folder = tempfile::tempdir().unwrap();
-    let payload = scenarios::generated::Family::named("following").unwrap().payload("crash", 0, 0).unwrap();
+    let payload =
+        scenarios::generated::Family::named("following").unwrap().payload("crash", 0, 0, &Default::default()).unwrap();
     let (scene, _) = scenarios::womd::read(&payload).unwrap();
     let mut parts = scene.into_parts();
     let mut stopped = parts.tracks[parts.av_index].states[60];
@@ -56,7 +57,8 @@ fn lint_of_a_log_that_collides_with_what_is_on_the_road() {
 #[test]
 fn lint_of_a_scene_that_cannot_be_judged_exits_with_1() {
     let folder = tempfile::tempdir().unwrap();
-    let payload = scenarios::generated::Family::named("curve").unwrap().payload("nowhere", 0, 0).unwrap();
+    let payload =
+        scenarios::generated::Family::named("curve").unwrap().payload("nowhere", 0, 0, &Default::default()).unwrap();
     let (scene, _) = scenarios::womd::read(&payload).unwrap();
     let mut parts = scene.into_parts();
     parts.map = world::map::Map::default();
@@ -84,13 +86,15 @@ fn errors_say_what_to_do() {
     write("packed.tfrecord.gz", &[0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 3, 1, 2, 3]);
     write("notes.txt", b"dear diary");
     write("typo.toml", b"file = ['x']\n");
-    write("family.toml", b"[[generate]]\nfamily = 'roundabout'\n");
+    write("family.toml", b"[[generate]]\nfamily = 'spaghetti-junction'\n");
+    write("name.toml", b"[[generate]]\nfamily = 'curve'\nname = 'a b'\n");
+    write("range.toml", b"[[generate]]\nfamily = 'all'\nparameters = { traffic = 'much' }\n");
     write("many.toml", b"[[generate]]\nfamily = 'curve'\ncount = 100000000\n");
     write("nope.toml", b"files = ['data/nope.tfrecord']\n");
     write("none.toml", b"globs = ['data/*']\n");
     write("sd_training.tfrecord-0.pkl", b"\x80\x04\x95\x0b\0\0\0\0\0\0\0}\x94\x8c\x01a\x94K\x01s.");
     std::fs::create_dir(folder.path().join("empty")).unwrap();
-    let inputs = "cut.tfrecord packed.tfrecord.gz sd_training.tfrecord-0.pkl notes.txt typo.toml family.toml many.toml \
+    let inputs = "cut.tfrecord packed.tfrecord.gz sd_training.tfrecord-0.pkl notes.txt typo.toml family.toml name.toml range.toml many.toml \
                   nope.toml none.toml empty gone *.none";
     let mut texts: Vec<String> = inputs.split(' ').map(|input| run_in(folder.path(), &["list", input])).collect();
     texts.push(run_in(folder.path(), &["export", "demo", "--out", "notes.txt"]));

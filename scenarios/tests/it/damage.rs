@@ -9,7 +9,7 @@ use scenarios::womd::WomdError;
 use scenarios::{Content, RecordError, RecordProblem, SceneSet, SetError};
 
 fn payload(id: &str) -> Vec<u8> {
-    Family::named("curve").unwrap().payload(id, 1, 0).unwrap()
+    Family::named("curve").unwrap().payload(id, 1, 0, &Default::default()).unwrap()
 }
 
 /// A file of two scenes, and where the second begins.

@@ -12,7 +12,7 @@ fn scenes() -> (Vec<u8>, Vec<usize>) {
     let (mut file, mut places) = (Vec::new(), Vec::new());
     for (index, family) in scenarios::generated::FAMILIES.iter().enumerate() {
         places.push(file.len());
-        tfrecord::append_record(&mut file, &family.payload(&format!("s{index}"), 1, 0).unwrap());
+        tfrecord::append_record(&mut file, &family.payload(&format!("s{index}"), 1, 0, &Default::default()).unwrap());
     }
     (file, places)
 }
@@ -73,11 +73,14 @@ fn packed_files_hold_the_scenes_of_the_plain_one() {
 
 #[test]
 fn a_file_is_entered_where_the_scene_is_not_at_its_beginning() {
-    let payload = Family::named("curve").unwrap().payload("x", 1, 0).unwrap();
+    let payload = Family::named("curve").unwrap().payload("x", 1, 0, &Default::default()).unwrap();
     let mut plain = Vec::new();
     let ids: Vec<String> = (0..100).map(|index| format!("scene-{index}")).collect();
     for id in &ids {
-        tfrecord::append_record(&mut plain, &Family::named("curve").unwrap().payload(id, 1, 0).unwrap());
+        tfrecord::append_record(
+            &mut plain,
+            &Family::named("curve").unwrap().payload(id, 1, 0, &Default::default()).unwrap(),
+        );
     }
     let (_folder, set) = open_as("x.tfrecord.gz", &gzip(&plain));
     let set = set.unwrap();

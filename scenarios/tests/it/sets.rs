@@ -13,7 +13,10 @@ fn folder() -> tempfile::TempDir {
     let write = |name: &str, ids: &[&str]| {
         let mut file = Vec::new();
         for id in ids {
-            tfrecord::append_record(&mut file, &Family::named("curve").unwrap().payload(id, 1, 0).unwrap());
+            tfrecord::append_record(
+                &mut file,
+                &Family::named("curve").unwrap().payload(id, 1, 0, &Default::default()).unwrap(),
+            );
         }
         let path = folder.path().join(name);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -62,6 +65,11 @@ fn a_scene_set_file_takes_files_globs_and_families_and_keeps_what_it_names() {
     let write = |text: &str| fs::write(folder.path().join("set.toml"), text).unwrap();
     write("files = ['b.tfrecord', 'a']\n[[generate]]\nfamily = 'cut-in'\nseed = 7\ncount = 2");
     assert_eq!(ids(folder.path(), &["set.toml"]), ["a", "b", "c", "d", "cut-in-7-0", "cut-in-7-1"]);
+    write("[[generate]]\nfamily = 'cut-in'\nname = 'near'");
+    assert_eq!(ids(folder.path(), &["set.toml"]), ["near-0-0"]);
+    write("[[generate]]\nfamily = 'cut-in'\nparameters = { moons = 2 }");
+    let error = open(folder.path(), &["set.toml"]).unwrap_err();
+    assert!(error.to_string().contains("cut-in has no parameter moons; it has "), "{error}");
     write("globs = ['a/[12]*']\nscenes = ['d', 'b']");
     assert_eq!(ids(folder.path(), &["set.toml"]), ["b", "d"], "kept in the set's order");
     write("globs = ['a/[12]*']\nscenes = ['d', 'x', 'y']");
@@ -83,7 +91,10 @@ fn a_record_that_is_there_again_counts_once_and_another_of_its_id_is_an_error_th
         ["the scene a counts once: HERE/b.tfrecord (record 0) has the same bytes as HERE/b.tfrecord (record 0)"]
     );
     let mut file = Vec::new();
-    tfrecord::append_record(&mut file, &Family::named("curve").unwrap().payload("c", 2, 0).unwrap());
+    tfrecord::append_record(
+        &mut file,
+        &Family::named("curve").unwrap().payload("c", 2, 0, &Default::default()).unwrap(),
+    );
     fs::write(folder.path().join("other.tfrecord"), file).unwrap();
     let error = open(folder.path(), &["a", "other.tfrecord"]).unwrap_err();
     let SetError::Duplicate { id, places } = error else { panic!("{error}") };
@@ -109,6 +120,18 @@ fn side_files_are_passed_over_and_said() {
 }
 
 #[test]
+fn all_means_each_family_and_a_name_goes_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |text: &str| fs::write(folder.path().join("set.toml"), text).unwrap();
+    write("[[generate]]\nfamily = 'all'\nseed = 5");
+    let names: Vec<String> = FAMILIES.iter().map(|family| format!("{}-5-0", family.name)).collect();
+    assert_eq!(ids(folder.path(), &["set.toml"]), names);
+    write("[[generate]]\nfamily = 'all'\nseed = 5\nname = 'n'");
+    let names: Vec<String> = FAMILIES.iter().map(|family| format!("n-{}-5-0", family.name)).collect();
+    assert_eq!(ids(folder.path(), &["set.toml"]), names);
+}
+
+#[test]
 fn exclude_leaves_scenes_out() {
     let folder = folder();
     fs::write(folder.path().join("set.toml"), "files = ['a', 'b.tfrecord']\nexclude = ['c', 'x']").unwrap();
@@ -122,9 +145,15 @@ fn a_survey_goes_on_past_what_gives_no_scene() {
     let folder = folder();
     let mut file = Vec::new();
     tfrecord::append_record(&mut file, b"\x2a\x05laser\x62\x01\x00");
-    tfrecord::append_record(&mut file, &Family::named("curve").unwrap().payload("e", 1, 0).unwrap());
+    tfrecord::append_record(
+        &mut file,
+        &Family::named("curve").unwrap().payload("e", 1, 0, &Default::default()).unwrap(),
+    );
     tfrecord::append_record(&mut file, b"\xff\xff\xff");
-    tfrecord::append_record(&mut file, &Family::named("curve").unwrap().payload("f", 1, 0).unwrap());
+    tfrecord::append_record(
+        &mut file,
+        &Family::named("curve").unwrap().payload("f", 1, 0, &Default::default()).unwrap(),
+    );
     file.pop();
     fs::write(folder.path().join("a/0.tfrecord"), file).unwrap();
     let (set, bad) = SceneSet::survey(&[folder.path().join("a").to_string_lossy().into_owned()]).unwrap();

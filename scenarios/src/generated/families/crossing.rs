@@ -2,13 +2,13 @@
 
 use world::scene::SceneParts;
 
+use crate::generated::draw::Draw;
 use crate::generated::junction::{Junction, Way};
 use crate::generated::motion::{Ahead, Driver, Motion, drive};
-use crate::generated::pcg::Pcg32;
 use crate::generated::roads::MapBuilder;
 use crate::generated::stage::{AV_SIZE, CAR_SIZE, Stage, VAN_SIZE};
 
-pub(super) fn compose(random: &mut Pcg32) -> SceneParts {
+pub(super) fn compose(draw: &mut Draw) -> SceneParts {
     let junction = Junction { lanes: 1, stop: 17.0, reach: 150.0, speed_limit_mph: 25.0 };
     let mut map = MapBuilder::default();
     let controlled = junction.lay(&mut map);
@@ -20,15 +20,15 @@ pub(super) fn compose(random: &mut Pcg32) -> SceneParts {
 
     let eastward = junction.path(3, 0, Way::Straight);
     let westward = junction.path(1, 0, Way::Straight);
-    let passing = Motion::steady(centre - random.between(70.0, 85.0), 10.5);
-    let from_left = Motion::steady(centre - random.between(105.0, 118.0), 10.5);
-    let from_right = Motion::steady(centre - random.between(75.0, 90.0), 10.0);
+    let passing = Motion::steady(centre - draw.between(70.0, 85.0), 10.5);
+    let from_left = Motion::steady(centre - draw.between(105.0, 118.0), 10.5);
+    let from_right = Motion::steady(centre - draw.between(75.0, 90.0), 10.0);
     let walk = junction.crossing(0);
-    let walker = Motion::steady(-random.between(3.0, 6.0), 1.5);
+    let walker = Motion::steady(-draw.between(3.0, 6.0), 1.5);
 
     let clear = from_left.step_past(centre).max(walker.step_past(0.75 * walk.length())) + 4;
     let own = junction.path(0, 0, Way::Right);
-    let av = Driver { station: stop - random.between(50.0, 58.0), speed: 9.5, desired: 10.5, length: AV_SIZE[0] };
+    let av = Driver { station: stop - draw.between(50.0, 58.0), speed: 9.5, desired: 10.5, length: AV_SIZE[0] };
     let av = drive(av, &own, &[Ahead::Line(stop, clear)]);
 
     let mut stage = Stage::new(&own, &av);
@@ -39,6 +39,6 @@ pub(super) fn compose(random: &mut Pcg32) -> SceneParts {
     let opposite = junction.path(2, 0, Way::Straight);
     let waiting = Driver { station: stop - 45.0, speed: 8.0, desired: 10.0, length: CAR_SIZE[0] };
     stage.vehicle(&opposite, &drive(waiting, &opposite, &[Ahead::Line(stop, clear + 30)]), CAR_SIZE);
-    stage.pedestrian(&junction.crossing(2), &Motion::steady(random.between(0.0, 2.0), 1.3));
+    stage.pedestrian(&junction.crossing(2), &Motion::steady(draw.between(0.0, 2.0), 1.3));
     stage.finish(map.finish())
 }

@@ -4,8 +4,8 @@ use world::geometry::{Point, Pose};
 use world::scene::SceneParts;
 
 use crate::generated::curve::{Curve, straight, turn};
+use crate::generated::draw::Draw;
 use crate::generated::motion::{Ahead, Driver, drive};
-use crate::generated::pcg::Pcg32;
 use crate::generated::roads::{GUTTER, LANE_WIDTH, MapBuilder, Road};
 use crate::generated::stage::{AV_SIZE, CAR_SIZE, Stage, VAN_SIZE};
 
@@ -13,7 +13,7 @@ use crate::generated::stage::{AV_SIZE, CAR_SIZE, Stage, VAN_SIZE};
 const MERGED: f64 = 220.0;
 const SPEED_LIMIT_MPH: f64 = 35.0;
 
-pub(super) fn compose(random: &mut Pcg32) -> SceneParts {
+pub(super) fn compose(draw: &mut Draw) -> SceneParts {
     let road = |from: f64, to: f64| Road {
         middle: Curve::line(Point::new(from, 0.0), Point::new(to, 0.0)),
         forward: 2,
@@ -40,25 +40,25 @@ pub(super) fn compose(random: &mut Pcg32) -> SceneParts {
     let own = ramp.clone().then(&whole.forward_lane(1).slice(MERGED, 460.0));
     let ahead = MERGED - ramp.length();
     let main = whole.forward_lane(1);
-    let leader_start = MERGED - random.between(100.0, 108.0);
+    let leader_start = MERGED - draw.between(100.0, 108.0);
     let leader = Driver { station: leader_start, speed: 13.0, desired: 13.4, length: VAN_SIZE[0] };
     let leader = drive(leader, &main, &[]);
     let av = Driver {
-        station: leader_start - ahead - random.between(24.0, 29.0),
+        station: leader_start - ahead - draw.between(24.0, 29.0),
         speed: 12.0,
         desired: 14.0,
         length: AV_SIZE[0],
     };
     let av = drive(av, &own, &[Ahead::Vehicle(&leader.clone().moved(-ahead), VAN_SIZE[0], 0)]);
     let follower =
-        Driver { station: leader_start - random.between(56.0, 62.0), speed: 12.0, desired: 13.5, length: CAR_SIZE[0] };
+        Driver { station: leader_start - draw.between(56.0, 62.0), speed: 12.0, desired: 13.5, length: CAR_SIZE[0] };
     let follower = drive(follower, &main, &[Ahead::Vehicle(&av.clone().moved(ahead), AV_SIZE[0], 0)]);
 
     let mut stage = Stage::new(&own, &av);
     stage.vehicle(&main, &leader, VAN_SIZE);
     stage.vehicle(&main, &follower, CAR_SIZE);
     let left = whole.forward_lane(0);
-    let overtaking = Driver { station: random.between(55.0, 75.0), speed: 14.5, desired: 15.0, length: CAR_SIZE[0] };
+    let overtaking = Driver { station: draw.between(55.0, 75.0), speed: 14.5, desired: 15.0, length: CAR_SIZE[0] };
     stage.vehicle(&left, &drive(overtaking, &left, &[]), CAR_SIZE);
     stage.finish(map.finish())
 }

@@ -3,19 +3,19 @@
 use world::scene::SceneParts;
 use world::signal::SignalState;
 
+use crate::generated::draw::Draw;
 use crate::generated::junction::{Junction, Way};
 use crate::generated::motion::{Ahead, Driver, Motion, drive};
-use crate::generated::pcg::Pcg32;
 use crate::generated::roads::MapBuilder;
 use crate::generated::stage::{AV_SIZE, CAR_SIZE, Stage, VAN_SIZE};
 
-pub(super) fn compose(random: &mut Pcg32) -> SceneParts {
+pub(super) fn compose(draw: &mut Draw) -> SceneParts {
     let junction = Junction { lanes: 2, stop: 20.0, reach: 170.0, speed_limit_mph: 30.0 };
     let mut map = MapBuilder::default();
     let controlled = junction.lay(&mut map);
     let stop = junction.stop_station();
     // Cross traffic: green, 3 s yellow, red; a second later ours turns green.
-    let yellow = random.between(55.0, 70.0) as usize;
+    let yellow = draw.between(55.0, 70.0) as usize;
     let green = yellow + 40;
     let car = |before_stop: f64, speed: f64| Driver {
         station: stop - before_stop,
@@ -25,14 +25,14 @@ pub(super) fn compose(random: &mut Pcg32) -> SceneParts {
     };
 
     let own = junction.path(0, 1, Way::Straight);
-    let av = Driver { length: AV_SIZE[0], ..car(random.between(70.0, 85.0), 11.5) };
+    let av = Driver { length: AV_SIZE[0], ..car(draw.between(70.0, 85.0), 11.5) };
     let av = drive(av, &own, &[Ahead::Line(stop, green)]);
     let mut stage = Stage::new(&own, &av);
 
     let beside = junction.path(0, 0, Way::Straight);
     stage.vehicle(
         &beside,
-        &drive(car(random.between(40.0, 50.0), 9.0), &beside, &[Ahead::Line(stop, green + 4)]),
+        &drive(car(draw.between(40.0, 50.0), 9.0), &beside, &[Ahead::Line(stop, green + 4)]),
         CAR_SIZE,
     );
     let oncoming = junction.path(2, 1, Way::Straight);
@@ -44,13 +44,13 @@ pub(super) fn compose(random: &mut Pcg32) -> SceneParts {
 
     for (arm, slot, distance) in [(1, 0, 12.0), (1, 1, 34.0), (3, 0, 25.0), (3, 1, 8.0)] {
         let crossing = junction.path(arm, slot, Way::Straight);
-        let passing = drive(car(distance + random.between(-4.0, 4.0), 12.0), &crossing, &[]);
+        let passing = drive(car(distance + draw.between(-4.0, 4.0), 12.0), &crossing, &[]);
         stage.vehicle(&crossing, &passing, CAR_SIZE);
-        let stopping = car(115.0 + random.between(-10.0, 10.0), 11.0);
+        let stopping = car(115.0 + draw.between(-10.0, 10.0), 11.0);
         let ahead = [Ahead::Vehicle(&passing, CAR_SIZE[0], 0), Ahead::Line(stop, usize::MAX)];
         stage.vehicle(&crossing, &drive(stopping, &crossing, &ahead), CAR_SIZE);
     }
-    stage.pedestrian(&junction.crossing(0), &Motion::steady(random.between(1.0, 3.0), 1.75));
+    stage.pedestrian(&junction.crossing(0), &Motion::steady(draw.between(1.0, 3.0), 1.75));
 
     for (arm, lanes) in controlled.iter().enumerate() {
         stage.signal(lanes, |step| match (arm % 2, step) {
