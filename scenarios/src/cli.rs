@@ -1,5 +1,6 @@
 //! What can be typed.
 
+use std::num::NonZeroU8;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -24,6 +25,10 @@ pub enum Command {
     Lint(LintArguments),
     /// Write scenes as TFRecord files, one each, for any tool that reads WOMD
     Export(ExportArguments),
+    /// The families that scenes can be generated of; with a name, what can be said about its scenes beforehand
+    Families(FamiliesArguments),
+    /// Make scenes of families and write them as shards of TFRecords, any number, the same bytes for the same seed
+    Generate(GenerateArguments),
 }
 
 /// Where scenes are taken from.
@@ -83,6 +88,54 @@ pub struct ExportArguments {
     pub out: PathBuf,
 
     /// Replace files that are there
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// Arguments of `families`.
+#[derive(Debug, Args)]
+pub struct FamiliesArguments {
+    /// Show the parameters of this one
+    #[arg(value_name = "NAME")]
+    pub name: Option<String>,
+}
+
+/// Arguments of `generate`.
+#[derive(Debug, Args)]
+pub struct GenerateArguments {
+    /// Families, with commas between, or the word all
+    #[arg(long, value_name = "NAME", value_delimiter = ',', required = true)]
+    pub family: Vec<String>,
+
+    /// Scenes of each family; they are called FAMILY-SEED-0, FAMILY-SEED-1 ...
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub count: u32,
+
+    /// Where random numbers start: another seed, other scenes
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..1 << 63))]
+    pub seed: u64,
+
+    /// Folder for the shards; made if it is not there. Whole shards of the same command in it are kept
+    #[arg(long, value_name = "FOLDER")]
+    pub out: PathBuf,
+
+    /// Pack them with gzip: a third of the size, and slower to make and to read
+    #[arg(long)]
+    pub gzip: bool,
+
+    /// What is known of the scenes beforehand: name=4, or a range that each draws from, name=4..7; may be given several times
+    #[arg(long, value_name = "NAME=RANGE")]
+    pub set: Vec<String>,
+
+    /// Scenes in a shard
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
+    pub shard_size: u32,
+
+    /// Threads that make scenes, one a core if left out; the bytes are the same for any number
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<NonZeroU8>,
+
+    /// Start anew where scenes of other settings are: their shards are removed
     #[arg(long)]
     pub force: bool,
 }

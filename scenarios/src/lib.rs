@@ -20,5 +20,5 @@ pub mod womd;
 
 pub use content::Content;
 pub use error::{RecordError, RecordProblem, SetError};
-pub use set::{Note, SceneEntry, SceneSet, SetFile, TomlProblem};
+pub use set::{GENERATED_TOML, Note, SceneEntry, SceneSet, SetFile, TomlProblem};
 pub use source::{Place, Source};

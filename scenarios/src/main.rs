@@ -7,9 +7,9 @@ use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 
 use cli::{Cli, Command};
-use commands::{Failure, export, inspect, lint, list};
+use commands::{Failure, INTERRUPTED, export, families, generate, inspect, lint, list};
 
-/// Exit codes: 0 done; 1 done, and something is gravely wrong with a scene; 2 wrong usage or unusable input.
+/// Exit codes: 0 done; 1 done, and something is gravely wrong with a scene; 2 wrong usage or unusable input; 130 interrupted.
 fn main() -> ExitCode {
     let cli = terminal::parse::<Cli>(terminal::REVISION);
     start_log();
@@ -19,6 +19,8 @@ fn main() -> ExitCode {
         Command::Inspect(arguments) => inspect::run(arguments, &mut out),
         Command::Lint(arguments) => lint::run(arguments, &mut out),
         Command::Export(arguments) => export::run(arguments, &mut out),
+        Command::Families(arguments) => families::run(arguments, &mut out),
+        Command::Generate(arguments) => generate::run(arguments, &mut out),
     };
     match done.and_then(|grave| out.flush().map(|()| grave).map_err(Failure::Output)) {
         Ok(grave) => ExitCode::from(u8::from(grave)),
@@ -26,7 +28,7 @@ fn main() -> ExitCode {
         Err(Failure::Output(error)) if error.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(failure) => {
             eprintln!("error: {failure}\nhint: {}", failure.hint());
-            ExitCode::from(2)
+            ExitCode::from(if matches!(failure, Failure::Interrupted) { INTERRUPTED } else { 2 })
         }
     }
 }

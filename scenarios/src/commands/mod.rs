@@ -1,6 +1,8 @@
 //! The subcommands, a file each. Each answers whether something is gravely wrong with a scene.
 
 pub mod export;
+pub mod families;
+pub mod generate;
 pub mod inspect;
 pub mod lint;
 pub mod list;
@@ -8,10 +10,15 @@ mod scenes;
 mod table;
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use scenarios::SetError;
+use scenarios::generated::ParameterError;
 use thiserror::Error;
+use world::scene::SceneError;
+
+/// The exit code of an interrupted program.
+pub const INTERRUPTED: u8 = 130;
 
 /// Why a command could not do its work.
 #[derive(Debug, Error)]
@@ -22,6 +29,42 @@ pub enum Failure {
     /// There is no such scene among them.
     #[error("there is no scene {0}")]
     NoScene(String),
+    /// There is no such family.
+    #[error("there is no family {0:?}")]
+    NoFamily(String),
+    /// The parameters are none.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The folder holds shards of other settings.
+    #[error("{} holds scenes of other settings: {}", folder.display(), differences.join("; "))]
+    OtherSettings {
+        /// The folder.
+        folder: PathBuf,
+        /// What is there, and what was asked for.
+        differences: Vec<String>,
+    },
+    /// The settings in the folder cannot be understood.
+    #[error("{}: {problem}", path.display())]
+    BadSettings {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        problem: String,
+    },
+    /// Another process generates there.
+    #[error("somebody else generates scenes in {}", .0.display())]
+    Busy(PathBuf),
+    /// A family made no scene.
+    #[error("the scene {id} cannot be made: {problem}")]
+    Scene {
+        /// Its name.
+        id: String,
+        /// Why.
+        problem: SceneError,
+    },
+    /// Ctrl-C.
+    #[error("interrupted; the files that are there are whole")]
+    Interrupted,
     /// Standard output does not take more.
     #[error("standard output: {0}")]
     Output(io::Error),
@@ -42,11 +85,22 @@ pub enum Failure {
 }
 
 impl Failure {
+    fn write(path: &Path, source: io::Error) -> Self {
+        Self::Write { path: path.into(), source }
+    }
+
     /// What the user can do.
     pub fn hint(&self) -> &'static str {
         match self {
             Self::Set(error) => error.hint(),
             Self::NoScene(_) => "`scenarios list` shows the ids that are there",
+            Self::NoFamily(_) => "`scenarios families` lists them",
+            Self::Parameter(error) => error.hint(),
+            Self::OtherSettings { .. } => "give another folder, or --force to remove its shards and start anew",
+            Self::BadSettings { .. } => "give another folder, or --force to start anew",
+            Self::Busy(_) => "wait for it, or give another folder",
+            Self::Scene { .. } => "take another seed, and tell us of this one: it is a fault of ours",
+            Self::Interrupted => "the same command goes on from there",
             Self::Output(_) => "see that there is room where the output goes",
             Self::Exists(_) => "give another folder, or --force to replace it",
             Self::NoFolder(_) => "it is a file; give a folder",

@@ -55,7 +55,16 @@ impl PartialEq for Family {
 
 impl Eq for Family {}
 
+/// The word for all families.
+pub const ALL: &str = "all";
+
 impl Family {
+    /// The families that `name` means: the one that is called so, or each for the word `all`; `None` if there is none.
+    #[must_use]
+    pub fn selected(name: &str) -> Option<Vec<&'static Self>> {
+        if name == ALL { Some(FAMILIES.iter().collect()) } else { Some(vec![Self::named(name)?]) }
+    }
+
     /// The family called `name`.
     #[must_use]
     pub fn named(name: &str) -> Option<&'static Self> {
@@ -65,6 +74,12 @@ impl Family {
     /// All that a user may narrow down: what every family has, then its own. Scenes draw them in this order.
     pub fn all_parameters(&self) -> impl Iterator<Item = &'static Parameter> {
         COMMON.iter().chain(self.parameters)
+    }
+
+    /// What scene `index` of `seed` is called, where nothing else is said.
+    #[must_use]
+    pub fn scene_id(&self, seed: u64, index: u32) -> String {
+        format!("{}-{seed}-{index}", self.name)
     }
 
     /// Scene `index` of `seed` as the payload of a WOMD record, under the name `id`. The `parameters` should have been checked

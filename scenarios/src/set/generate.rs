@@ -3,65 +3,61 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use rayon::prelude::*;
 use world::scene::SceneId;
 
 use super::entry::SceneEntry;
 use super::file::Generate;
 use super::scan;
 use crate::error::SetError;
-use crate::generated::{FAMILIES, Family, Parameters};
+use crate::generated::{ALL, FAMILIES, Family, Parameters};
 use crate::source::Source;
 use crate::womd::WomdError;
 
+/// A scene that is to be made: its family, its name, its number.
+type Wished = (&'static Family, String, u32);
+
 /// Appends the built-in demo set: the first scene of each family, called `demo-FAMILY`.
 pub(super) fn demo(entries: &mut Vec<SceneEntry>) -> Result<(), SetError> {
-    let parameters = Arc::default();
-    FAMILIES.iter().try_for_each(|family| {
-        entries.push(entry(family, format!("demo-{}", family.name), 0, 0, &parameters)?);
-        Ok(())
-    })
+    let wished = FAMILIES.iter().map(|family| (family, format!("demo-{}", family.name), 0)).collect();
+    make(wished, 0, &Arc::default(), entries)
 }
 
 /// Appends what the scene-set TOML at `path` wishes for.
 pub(super) fn generate(path: &Path, wish: &Generate, entries: &mut Vec<SceneEntry>) -> Result<(), SetError> {
     let toml = |problem: String| SetError::Toml { path: path.into(), problem };
-    let families = families(&wish.family).map_err(toml)?;
+    let families = Family::selected(&wish.family).ok_or_else(|| {
+        let name = &wish.family;
+        toml(format!("there is no family {name:?}; `scenarios families` shows those there are, and {ALL} means each"))
+    })?;
     families.iter().try_for_each(|family| wish.parameters.check(family)).map_err(|error| toml(error.to_string()))?;
-    let parameters = Arc::new(wish.parameters.clone());
+    let mut wished = Vec::new();
     for family in families {
-        let name = match &wish.name {
-            None => family.name.to_owned(),
-            Some(name) if wish.family == ALL => format!("{name}-{}", family.name),
-            Some(name) => name.clone(),
+        let id = |index| match &wish.name {
+            None => family.scene_id(wish.seed, index),
+            Some(name) if wish.family == ALL => format!("{name}-{}", family.scene_id(wish.seed, index)),
+            Some(name) => format!("{name}-{}-{index}", wish.seed),
         };
-        let id = |index| format!("{name}-{}-{index}", wish.seed);
-        SceneId::new(id(wish.count).as_str()).map_err(|error| toml(format!("`name` {name:?}: {error}")))?;
-        for index in 0..wish.count {
-            entries.push(entry(family, id(index), wish.seed, index, &parameters)?);
-        }
+        SceneId::new(id(wish.count).as_str()).map_err(|error| toml(format!("`name`: {error}")))?;
+        wished.extend((0..wish.count).map(|index| (family, id(index), index)));
     }
+    make(wished, wish.seed, &Arc::new(wish.parameters.clone()), entries)
+}
+
+/// Makes each scene once, on all cores, to know its hash.
+fn make(
+    wished: Vec<Wished>,
+    seed: u64,
+    parameters: &Arc<Parameters>,
+    entries: &mut Vec<SceneEntry>,
+) -> Result<(), SetError> {
+    let made: Result<Vec<SceneEntry>, SetError> =
+        wished.into_par_iter().map(|wished| entry(wished, seed, parameters)).collect();
+    entries.append(&mut made?);
     Ok(())
 }
 
-/// The word for all families.
-const ALL: &str = "all";
-
-fn families(name: &str) -> Result<Vec<&'static Family>, String> {
-    if name == ALL {
-        return Ok(FAMILIES.iter().collect());
-    }
-    let none =
-        || format!("there is no family {name:?}; `scenarios families` shows those there are, and {ALL} means each");
-    Family::named(name).map(|family| vec![family]).ok_or_else(none)
-}
-
-fn entry(
-    family: &'static Family,
-    id: String,
-    seed: u64,
-    index: u32,
-    parameters: &Arc<Parameters>,
-) -> Result<SceneEntry, SetError> {
+fn entry((family, id, index): Wished, seed: u64, parameters: &Arc<Parameters>) -> Result<SceneEntry, SetError> {
     let make = || -> Result<_, WomdError> {
         let payload = family.payload(&id, seed, index, parameters)?;
         Ok((SceneId::new(id.as_str())?, scan::sha256(&payload)))

@@ -73,6 +73,9 @@ const SIDE_FILES: [&str; 20] = [
     "~",
 ];
 
+/// What `scenarios generate` was asked for, beside the shards that it made.
+pub const GENERATED_TOML: &str = "generated.toml";
+
 /// Whether a file is passed over wherever it is not named itself. Hidden ones are those of the system, or of a copy under way.
 fn is_side_file(name: &str) -> bool {
     name.starts_with('.') || SIDE_FILES.iter().any(|ending| name.ends_with(ending))
@@ -155,6 +158,8 @@ fn open_glob(pattern: &str, found: &mut Found) -> Result<(), SetError> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         if path.is_dir() {
             open_folder(&path, found)?;
+        } else if name == GENERATED_TOML {
+            continue;
         } else if has_tfrecord_name(&path) && is_side_file(&name) {
             passed_over.push(name.into_owned());
             continue;

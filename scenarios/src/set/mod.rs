@@ -18,6 +18,7 @@ use crate::womd;
 pub use entry::SceneEntry;
 pub use file::{SetFile, TomlProblem};
 pub use found::Note;
+pub use inputs::GENERATED_TOML;
 
 /// An ordered set of scenes with unique ids. Holds no scene; loads them from many threads.
 #[derive(Clone, Debug)]

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use insta::assert_snapshot;
 
 /// Runs `scenarios` in `folder`: its output, its errors and its exit code, as a person would see them.
-fn run_in(folder: &Path, arguments: &[&str]) -> String {
+pub(crate) fn run_in(folder: &Path, arguments: &[&str]) -> String {
     let mut command = Command::new(env!("CARGO_BIN_EXE_scenarios"));
     let output =
         command.args(arguments).current_dir(folder).env_remove("RUST_LOG").env("COLUMNS", "100").output().unwrap();

@@ -4,6 +4,7 @@
 mod cases;
 mod cli;
 mod damage;
+mod generate;
 mod identity;
 mod packed;
 mod real;
