@@ -4,7 +4,7 @@
 use world::plan::STEP_SECONDS;
 
 use super::STEPS;
-use super::curve::Curve;
+use super::old_curve::Curve;
 
 /// Gap that is kept while standing (m).
 const STANDSTILL_GAP: f64 = 2.0;

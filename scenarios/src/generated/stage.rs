@@ -7,8 +7,8 @@ use world::scene::{AgentKind, AgentState, SceneParts, Track, TrackId};
 use world::signal::{Signal, SignalState};
 
 use super::STEPS;
-use super::curve::Curve;
 use super::motion::Motion;
+use super::old_curve::Curve;
 
 /// The AV's length, width and height (m), those of WOMD's own.
 pub(super) const AV_SIZE: [f64; 3] = [5.286, 2.332, 2.33];

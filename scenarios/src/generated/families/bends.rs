@@ -5,10 +5,10 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_3};
 use world::geometry::Pose;
 use world::scene::SceneParts;
 
-use crate::generated::curve::{Curve, Piece, straight, turn};
 use crate::generated::draw::Draw;
 use crate::generated::motion::{Ahead, Driver, drive};
-use crate::generated::roads::{MapBuilder, Road};
+use crate::generated::old_curve::{Curve, Piece, straight, turn};
+use crate::generated::old_roads::{MapBuilder, Road};
 use crate::generated::stage::{AV_SIZE, CAR_SIZE, Stage};
 
 pub(super) fn compose_curve(draw: &mut Draw) -> SceneParts {

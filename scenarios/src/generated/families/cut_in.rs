@@ -3,10 +3,10 @@
 use world::geometry::Pose;
 use world::scene::SceneParts;
 
-use crate::generated::curve::{Curve, straight};
 use crate::generated::draw::Draw;
 use crate::generated::motion::{Ahead, Driver, Motion, drive};
-use crate::generated::roads::{LANE_WIDTH, MapBuilder, Road};
+use crate::generated::old_curve::{Curve, straight};
+use crate::generated::old_roads::{LANE_WIDTH, MapBuilder, Road};
 use crate::generated::stage::{AV_SIZE, CAR_SIZE, Stage, VAN_SIZE};
 
 /// Length of the lane change (m).

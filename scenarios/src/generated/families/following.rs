@@ -3,10 +3,10 @@
 use world::geometry::Pose;
 use world::scene::SceneParts;
 
-use crate::generated::curve::{Curve, straight, turn};
 use crate::generated::draw::Draw;
 use crate::generated::motion::{Ahead, Driver, Motion, drive};
-use crate::generated::roads::{MapBuilder, Road};
+use crate::generated::old_curve::{Curve, straight, turn};
+use crate::generated::old_roads::{MapBuilder, Road};
 use crate::generated::stage::{AV_SIZE, CAR_SIZE, Stage, VAN_SIZE};
 
 pub(super) fn compose(draw: &mut Draw) -> SceneParts {

@@ -3,10 +3,10 @@
 use world::geometry::{Point, Pose};
 use world::scene::SceneParts;
 
-use crate::generated::curve::{Curve, straight, turn};
 use crate::generated::draw::Draw;
 use crate::generated::motion::{Ahead, Driver, drive};
-use crate::generated::roads::{GUTTER, LANE_WIDTH, MapBuilder, Road};
+use crate::generated::old_curve::{Curve, straight, turn};
+use crate::generated::old_roads::{GUTTER, LANE_WIDTH, MapBuilder, Road};
 use crate::generated::stage::{AV_SIZE, CAR_SIZE, Stage, VAN_SIZE};
 
 /// Where the ramp's lane has become the road's (m along the road).

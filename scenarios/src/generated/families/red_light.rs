@@ -4,9 +4,9 @@ use world::scene::SceneParts;
 use world::signal::SignalState;
 
 use crate::generated::draw::Draw;
-use crate::generated::junction::{Junction, Way};
 use crate::generated::motion::{Ahead, Driver, Motion, drive};
-use crate::generated::roads::MapBuilder;
+use crate::generated::old_junction::{Junction, Way};
+use crate::generated::old_roads::MapBuilder;
 use crate::generated::stage::{AV_SIZE, CAR_SIZE, Stage, VAN_SIZE};
 
 pub(super) fn compose(draw: &mut Draw) -> SceneParts {

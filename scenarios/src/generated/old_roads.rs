@@ -4,7 +4,7 @@ use world::map::{
     Area, BoundarySegment, Lane, LaneKind, LaneNeighbor, Map, MapId, RoadEdge, RoadEdgeKind, RoadLine, RoadLineKind,
 };
 
-use super::curve::Curve;
+use super::old_curve::Curve;
 
 /// Width of a lane (m).
 pub(super) const LANE_WIDTH: f64 = 3.7;

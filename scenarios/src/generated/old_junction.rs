@@ -5,8 +5,8 @@ use std::f64::consts::FRAC_PI_2;
 use world::geometry::{Point, Point3, Pose};
 use world::map::MapId;
 
-use super::curve::{Curve, Piece, straight, turn};
-use super::roads::{GUTTER, LANE_WIDTH, MapBuilder, Road, RoadLanes};
+use super::old_curve::{Curve, Piece, straight, turn};
+use super::old_roads::{GUTTER, LANE_WIDTH, MapBuilder, Road, RoadLanes};
 
 /// Where a path leads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
