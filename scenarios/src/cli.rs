@@ -29,6 +29,8 @@ pub enum Command {
     Families(FamiliesArguments),
     /// Make scenes of families and write them as shards of TFRecords, any number, the same bytes for the same seed
     Generate(GenerateArguments),
+    /// Draw scenes from above, as PNG or SVG: one scene at one step, or a sheet of many
+    Render(RenderArguments),
 }
 
 /// Where scenes are taken from.
@@ -138,4 +140,56 @@ pub struct GenerateArguments {
     /// Start anew where scenes of other settings are: their shards are removed
     #[arg(long)]
     pub force: bool,
+}
+
+/// Arguments of `render`.
+#[derive(Debug, Args)]
+pub struct RenderArguments {
+    #[command(flatten)]
+    pub inputs: Inputs,
+
+    /// The picture's file, .png or .svg; replaced if it is there. One scene fills it; several share it as a sheet, a tile each
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+
+    /// The step that is shown, from 0 [default: where the scene's prediction tasks begin, else 19, where drives begin]
+    #[arg(long, value_name = "K")]
+    pub step: Option<usize>,
+
+    /// Width of the picture, or of each tile of a sheet [default: 1200, tiles 480]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(100..=10_000))]
+    pub width: Option<u32>,
+
+    /// Tiles in a row of a sheet [default: about as many as rows]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100))]
+    pub columns: Option<u32>,
+
+    /// How far the picture reaches from the AV, to each side
+    #[arg(long, value_name = "METERS", default_value = "60", value_parser = radius)]
+    pub radius: f64,
+
+    /// The whole map, instead of what is around the AV
+    #[arg(long, conflicts_with = "radius")]
+    pub whole: bool,
+
+    /// Turn the picture so that the AV heads up; else north is up
+    #[arg(long)]
+    pub av_up: bool,
+
+    /// How long a past agents trail behind them; 0 leaves out the trails, and the dashed line on which the logged AV goes on
+    #[arg(long, value_name = "SECONDS", default_value = "2", value_parser = trail)]
+    pub trail: f64,
+}
+
+fn radius(text: &str) -> Result<f64, String> {
+    within(text, 5.0, 5000.0)
+}
+
+fn trail(text: &str) -> Result<f64, String> {
+    within(text, 0.0, 60.0)
+}
+
+fn within(text: &str, low: f64, high: f64) -> Result<f64, String> {
+    let number: f64 = text.parse().map_err(|_| "it is no number".to_owned())?;
+    if (low..=high).contains(&number) { Ok(number) } else { Err(format!("it is not from {low} to {high}")) }
 }

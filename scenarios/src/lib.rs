@@ -13,6 +13,7 @@ mod error;
 pub mod fuzzing;
 pub mod generated;
 pub mod lint;
+pub mod picture;
 mod set;
 mod source;
 pub mod tfrecord;

@@ -1,4 +1,4 @@
-//! The binary `scenarios`: shows what is in scene sets, judges whether to trust it, and writes scenes to files.
+//! The binary `scenarios`: shows what is in scene sets, judges whether to trust it, and writes scenes and their pictures to files.
 
 mod cli;
 mod commands;
@@ -7,7 +7,7 @@ use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 
 use cli::{Cli, Command};
-use commands::{Failure, INTERRUPTED, export, families, generate, inspect, lint, list};
+use commands::{Failure, INTERRUPTED, export, families, generate, inspect, lint, list, render};
 
 /// Exit codes: 0 done; 1 done, and something is gravely wrong with a scene; 2 wrong usage or unusable input; 130 interrupted.
 fn main() -> ExitCode {
@@ -21,6 +21,7 @@ fn main() -> ExitCode {
         Command::Export(arguments) => export::run(arguments, &mut out),
         Command::Families(arguments) => families::run(arguments, &mut out),
         Command::Generate(arguments) => generate::run(arguments, &mut out),
+        Command::Render(arguments) => render::run(arguments, &mut out),
     };
     match done.and_then(|grave| out.flush().map(|()| grave).map_err(Failure::Output)) {
         Ok(grave) => ExitCode::from(u8::from(grave)),

@@ -1,14 +1,14 @@
 //! `scenarios export`: scenes as TFRecord files, one each.
 
 use std::fs;
-use std::io::{self, Write};
-use std::path::Path;
+use std::io::Write;
 
 use scenarios::tfrecord;
 
 use super::Failure;
 use super::scenes::Scenes;
 use super::table::count;
+use super::whole_file::write_whole;
 use crate::cli::ExportArguments;
 
 pub fn run(arguments: &ExportArguments, out: &mut impl Write) -> Result<bool, Failure> {
@@ -27,19 +27,10 @@ pub fn run(arguments: &ExportArguments, out: &mut impl Write) -> Result<bool, Fa
         let mut file = Vec::new();
         tfrecord::append_record(&mut file, &scenes.set.payload(index)?);
         bytes += file.len();
-        write_whole(folder, &path, &file).map_err(|source| Failure::Write { path, source })?;
+        write_whole(&path, &file)?;
     }
     let megabytes = bytes as f64 / 1e6;
     writeln!(out, "{} in {} ({megabytes:.1} MB)", count(scenes.len(), "scene"), folder.display())
         .map_err(Failure::Output)?;
     Ok(false)
-}
-
-/// The file appears under its name when it is whole.
-fn write_whole(folder: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut file = tempfile::Builder::new().suffix(".partial").tempfile_in(folder)?;
-    file.write_all(bytes)?;
-    file.as_file().sync_all()?;
-    file.persist(path)?;
-    Ok(())
 }

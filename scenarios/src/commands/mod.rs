@@ -6,14 +6,17 @@ pub mod generate;
 pub mod inspect;
 pub mod lint;
 pub mod list;
+pub mod render;
 mod scenes;
 mod table;
+mod whole_file;
 
 use std::io;
 use std::path::{Path, PathBuf};
 
 use scenarios::SetError;
 use scenarios::generated::ParameterError;
+use scenarios::picture::{NoStep, PngError};
 use thiserror::Error;
 use world::scene::SceneError;
 
@@ -82,6 +85,23 @@ pub enum Failure {
         /// Why.
         source: io::Error,
     },
+    /// Pictures are not drawn in this format.
+    #[error("{}: a picture ends in .png or .svg", .0.display())]
+    NoPictureFormat(PathBuf),
+    /// A scene has no such step.
+    #[error(transparent)]
+    NoStep(#[from] NoStep),
+    /// A sheet does not take so many scenes.
+    #[error("{scenes} scenes are too many for one sheet: at most {most}")]
+    TooManyTiles {
+        /// As many were asked for.
+        scenes: usize,
+        /// As many fit.
+        most: usize,
+    },
+    /// A picture cannot be a PNG.
+    #[error(transparent)]
+    Png(#[from] PngError),
 }
 
 impl Failure {
@@ -105,6 +125,13 @@ impl Failure {
             Self::Exists(_) => "give another folder, or --force to replace it",
             Self::NoFolder(_) => "it is a file; give a folder",
             Self::Write { .. } => "see that the folder can be written and has room",
+            Self::NoPictureFormat(_) => {
+                "name the file so: --out scene.png, or --out scene.svg for a drawing that stays sharp"
+            }
+            Self::NoStep(_) => "steps count from 0; without --step each scene is shown where drives begin",
+            Self::TooManyTiles { .. } => "name fewer by --scene, and draw several sheets",
+            Self::Png(PngError::TooLarge { .. }) => "give a smaller --width, or draw an .svg",
+            Self::Png(PngError::Drawing(_)) => "draw an .svg instead, and please report this with the scene",
         }
     }
 }
