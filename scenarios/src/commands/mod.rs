@@ -88,6 +88,9 @@ pub enum Failure {
     /// Pictures are not drawn in this format.
     #[error("{}: a picture ends in .png or .svg", .0.display())]
     NoPictureFormat(PathBuf),
+    /// A file is wanted in a folder that is not there.
+    #[error("there is no folder {}", .0.display())]
+    MissingFolder(PathBuf),
     /// A scene has no such step.
     #[error(transparent)]
     NoStep(#[from] NoStep),
@@ -128,6 +131,7 @@ impl Failure {
             Self::NoPictureFormat(_) => {
                 "name the file so: --out scene.png, or --out scene.svg for a drawing that stays sharp"
             }
+            Self::MissingFolder(_) => "make it first, or name a file in a folder that is there",
             Self::NoStep(_) => "steps count from 0; without --step each scene is shown where drives begin",
             Self::TooManyTiles { .. } => "name fewer by --scene, and draw several sheets",
             Self::Png(PngError::TooLarge { .. }) => "give a smaller --width, or draw an .svg",

@@ -9,7 +9,7 @@ use world::scene::Scene;
 use super::Failure;
 use super::scenes::Scenes;
 use super::table::count;
-use super::whole_file::write_whole;
+use super::whole_file::{folder_of, write_whole};
 use crate::cli::RenderArguments;
 
 /// The most tiles of a sheet: ten by ten are seen at a glance, more are not.
@@ -28,6 +28,10 @@ enum Format {
 pub fn run(arguments: &RenderArguments, out: &mut impl Write) -> Result<bool, Failure> {
     let path = &arguments.out;
     let format = Format::of(path).ok_or_else(|| Failure::NoPictureFormat(path.clone()))?;
+    let folder = folder_of(path);
+    if !folder.is_dir() {
+        return Err(Failure::MissingFolder(folder.to_owned()));
+    }
     let scenes = Scenes::open(&arguments.inputs)?;
     if arguments.inputs.scene.len() > MOST_TILES {
         return Err(Failure::TooManyTiles { scenes: arguments.inputs.scene.len(), most: MOST_TILES });

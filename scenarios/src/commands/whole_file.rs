@@ -7,13 +7,18 @@ use std::path::Path;
 
 use super::Failure;
 
+/// The folder that a file is in, or is to be in.
+pub fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 /// The file appears under its name when it is whole; what was there by that name is replaced.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let write = || -> io::Result<()> {
         // As any new file: who may read it is up to the user's umask.
         let permissions = Permissions::from_mode(0o666);
-        let mut file = tempfile::Builder::new().suffix(".partial").permissions(permissions).tempfile_in(folder)?;
+        let mut file =
+            tempfile::Builder::new().suffix(".partial").permissions(permissions).tempfile_in(folder_of(path))?;
         file.write_all(bytes)?;
         file.as_file().sync_all()?;
         file.persist(path)?;

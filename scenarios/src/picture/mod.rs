@@ -97,3 +97,7 @@ impl Picture {
         raster::png(self)
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail by panic")]
+mod tests;

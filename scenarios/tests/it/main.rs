@@ -8,6 +8,7 @@ mod generate;
 mod identity;
 mod packed;
 mod real;
+mod render;
 mod sets;
 
 use std::path::PathBuf;
