@@ -1,7 +1,7 @@
-//! What lies between road edges, where the map says so: within some metres on the left of the edge that is nearest.
+//! What lies between road edges, where the map says so: on the left of the edge that is nearest, and within some metres of it, or of a lane.
 
 use world::geometry::{Point, SegmentGrid};
-use world::map::Map;
+use world::map::{LaneKind, Map};
 
 use super::canvas::Path;
 use super::frame::Frame;
@@ -10,6 +10,10 @@ use super::frame::Frame;
 const REACH: f64 = 8.0;
 /// How far beyond the free end of an edge it still tells its sides (m).
 const BEYOND: f64 = 1.0;
+/// How far from a lane's middle there is road (m), on the road's side of the nearest edge: junctions are wide, and edges far from their middle.
+const LANE_REACH: f64 = 5.0;
+/// How far from an edge that holds (m).
+const FAR: f64 = 40.0;
 /// Sides of the squares that are looked at (m): curbs are drawn more exactly by others.
 const SQUARE: f64 = 1.0;
 /// The most squares to a side.
@@ -18,9 +22,11 @@ const MOST: f64 = 700.0;
 /// The areas, all turning the same way.
 pub fn paved(frame: &Frame, map: &Map) -> Path {
     let edges = map.road_edges.iter().map(|edge| (0, edge.polyline.iter().map(|point| point.xy())));
-    let edges = SegmentGrid::new(edges, REACH);
+    let lanes = map.lanes.iter().filter(|lane| lane.kind != LaneKind::BikeLane);
+    let lanes = lanes.map(|lane| (0, lane.centerline.iter().map(|point| point.xy())));
+    let ground = Ground { edges: SegmentGrid::new(edges, REACH), lanes: SegmentGrid::new(lanes, REACH) };
     let mut path = Path::default();
-    if edges.is_empty() {
+    if ground.edges.is_empty() {
         return path;
     }
     let size = frame.pixels(SQUARE).max(4.0).max(frame.width.max(frame.height) / MOST);
@@ -29,7 +35,7 @@ pub fn paved(frame: &Frame, map: &Map) -> Path {
     let row_of = |row: usize| -> Vec<Corner> {
         let corner = |column: usize| {
             let at = Point::new(column as f64 * size, row as f64 * size);
-            Corner { at, depth: depth(&edges, frame.log_point(at)) }
+            Corner { at, depth: ground.depth(frame.log_point(at)) }
         };
         (0..=columns).map(corner).collect()
     };
@@ -46,16 +52,38 @@ pub fn paved(frame: &Frame, map: &Map) -> Path {
 #[derive(Clone, Copy)]
 struct Corner {
     at: Point,
-    /// How deep in what is paved it lies (m); negative outside.
+    /// See [`Ground::depth`].
     depth: f64,
 }
 
-fn depth(edges: &SegmentGrid, point: Point) -> f64 {
-    match edges.nearest(point, REACH + SQUARE) {
-        Some(nearest) if !nearest.beyond_end || nearest.distance() < BEYOND => {
-            nearest.signed_distance.min(REACH - nearest.signed_distance)
+/// What the map knows of the ground.
+struct Ground {
+    edges: SegmentGrid,
+    lanes: SegmentGrid,
+}
+
+impl Ground {
+    /// How deep in what is paved a point lies (m); negative outside.
+    fn depth(&self, point: Point) -> f64 {
+        self.by_edge(point).max(self.by_lane(point))
+    }
+
+    fn by_edge(&self, point: Point) -> f64 {
+        match self.edges.nearest(point, REACH + SQUARE) {
+            Some(edge) if !edge.beyond_end || edge.distance() < BEYOND => {
+                edge.signed_distance.min(REACH - edge.signed_distance)
+            }
+            _ => -SQUARE,
         }
-        _ => -SQUARE,
+    }
+
+    fn by_lane(&self, point: Point) -> f64 {
+        let lane = self.lanes.nearest(point, LANE_REACH + SQUARE).filter(|lane| !lane.beyond_end);
+        let Some(lane) = lane else { return -SQUARE };
+        match self.edges.nearest(point, FAR) {
+            Some(edge) => edge.signed_distance.min(LANE_REACH - lane.distance()),
+            None => -SQUARE,
+        }
     }
 }
 
