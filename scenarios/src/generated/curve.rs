@@ -163,11 +163,16 @@ impl Curve {
         } else {
             None
         };
-        let mut curve = joined.unwrap_or_else(|| Self::s_bend(from, to));
-        if let Some(last) = curve.samples.last_mut() {
-            *last = Sample::new(to);
+        let curve = joined.unwrap_or_else(|| Self::s_bend(from, to));
+        curve.ending_at(to)
+    }
+
+    /// The same with exactly this pose at its end, from which it is no more than a rounding error away.
+    pub(super) fn ending_at(mut self, pose: Pose) -> Self {
+        if let Some(last) = self.samples.last_mut() {
+            *last = Sample::new(pose);
         }
-        curve
+        self
     }
 
     /// A quintic from one pose to another, straight at both ends.

@@ -2,19 +2,22 @@
 
 use std::f64::consts::PI;
 
-use world::geometry::{Pose, wrap_angle};
+use world::geometry::{Point, Pose, wrap_angle};
 use world::map::RoadEdgeKind;
 
-use super::super::curve::Curve;
+use super::super::curve::{Curve, straight};
 use super::builder::{Builder, NewLane};
 use super::conflicts::conflicts;
-use super::net::{CORNER, CROSSWALK, Net, NetArm, NetNode};
+use super::net::{CORNER, CROSSWALK, DRIVEWAY, Net, NetArm};
 use super::profile::{Direction, WALK};
 use super::streets::Side;
 use super::{Arm, Control, Crossing, Junction, LaneIndex, Turn, Way, flat};
 
 /// What leads on within this angle (rad) goes straight.
 pub(super) const STRAIGHT: f64 = 0.65;
+
+/// Curbs whose directions differ by less (rad) have no corner between them.
+const FLAT: f64 = 0.5;
 
 /// The largest radii of turns (m).
 const LARGEST_RIGHT: f64 = 13.0;
@@ -34,6 +37,8 @@ struct Place<'a> {
     bike_out: Option<LaneIndex>,
     /// Whether the first of `inbound` is a pocket.
     pocket: bool,
+    /// Where the curbs beside it end and begin: on the right of who comes, and of who leaves.
+    curb_ends: (Pose, Pose),
     net: &'a Net,
 }
 
@@ -42,7 +47,8 @@ impl<'a> Place<'a> {
         let inbound_side = &sides[arm.street][arm.end.inbound() as usize];
         let outbound_side = &sides[arm.street][arm.end.inbound().other() as usize];
         let ((inbound, bike_in), (outbound, bike_out)) = (inbound_side.inbound(), outbound_side.outbound());
-        Self { arm, inbound, outbound, bike_in, bike_out, pocket: inbound_side.pocket.is_some(), net }
+        let (pocket, curb_ends) = (inbound_side.pocket.is_some(), (inbound_side.curb[1], outbound_side.curb[0]));
+        Self { arm, inbound, outbound, bike_in, bike_out, pocket, curb_ends, net }
     }
 
     fn curb(&self, direction: Direction) -> f64 {
@@ -60,8 +66,8 @@ impl<'a> Place<'a> {
         street.outward(self.arm.end, street.setback(self.arm.end) + before_stop)
     }
 
-    fn at(&self, before_stop: f64, left: f64) -> world::geometry::Point {
-        self.outward(before_stop).to_world(world::geometry::Point::new(0.0, left))
+    fn at(&self, before_stop: f64, left: f64) -> Point {
+        self.outward(before_stop).to_world(Point::new(0.0, left))
     }
 }
 
@@ -151,6 +157,7 @@ pub(super) fn lay(builder: &mut Builder, net: &Net, index: usize, sides: &[[Side
         lay_bend(builder, &places);
         return;
     }
+    let corner = if node.driveway { DRIVEWAY } else { CORNER };
     let junction = builder.roads.junctions.len();
     let mut all = Vec::new();
     let mut of_arm: Vec<Vec<LaneIndex>> = Vec::new();
@@ -159,14 +166,15 @@ pub(super) fn lay(builder: &mut Builder, net: &Net, index: usize, sides: &[[Side
             .into_iter()
             .map(|(lane, next, target)| {
                 let way = Way { junction, from, to: target.arm, turn: target.turn };
-                let radius = largest_radius(builder, node, &places[from], lane, target.turn);
+                let arms = (&places[from], &places[target.arm]);
+                let radius = largest_radius(builder, corner, arms, (lane, next), target.turn);
                 lay_way(builder, (lane, next), Some(way), radius, node.lot)
             })
             .collect();
         all.extend(&lanes);
         of_arm.push(lanes);
     }
-    lay_curbs(builder, net, &places, if node.driveway { 4.0 } else { CORNER });
+    lay_curbs(builder, net, &places, corner);
     let arms = places.iter().enumerate().map(|(arm, place)| {
         let street = &net.streets[place.arm.street].street;
         let crossing = (street.walks && node.has_crosswalks(places.len()))
@@ -195,18 +203,28 @@ pub(super) fn lay(builder: &mut Builder, net: &Net, index: usize, sides: &[[Side
     builder.roads.junctions.push(Junction { node: index, control: node.control, arms, ways: all, conflicts });
 }
 
-/// How large a turn may be without leaving the road at the corner.
-fn largest_radius(builder: &Builder, node: &NetNode, place: &Place<'_>, lane: LaneIndex, turn: Turn) -> f64 {
-    match turn {
-        Turn::Left => LARGEST_LEFT,
-        Turn::Straight => f64::INFINITY,
-        Turn::Right => {
-            let (left, _) = place.curbs();
-            let offset = place.outward(0.0).to_body(builder.roads.lanes[lane].course.end().position()).y;
-            let corner = if node.driveway { 4.0 } else { CORNER };
-            (corner + left - offset).min(LARGEST_RIGHT)
-        }
-    }
+/// How large a turn may be without cutting the corner, whose curb is of the radius `corner`: its arc may come as near to that as the
+/// lanes themselves may.
+fn largest_radius(
+    builder: &Builder,
+    corner: f64,
+    (from, to): (&Place<'_>, &Place<'_>),
+    (lane, next): (LaneIndex, LaneIndex),
+    turn: Turn,
+) -> f64 {
+    let lanes = &builder.roads.lanes;
+    let beside = |place: &Place<'_>, pose: Pose| place.outward(0.0).to_body(pose.position()).y;
+    let (start, end) = (beside(from, lanes[lane].course.end()), beside(to, lanes[next].course.start()));
+    let (largest, apart) = match turn {
+        Turn::Straight => return f64::INFINITY,
+        Turn::Right => (LARGEST_RIGHT, (from.curbs().0 - start).min(to.curbs().1 + end)),
+        Turn::Left => (LARGEST_LEFT, (from.curbs().1 + start).min(to.curbs().0 - end)),
+    };
+    let angle = self::turn(from.arm.heading, to.arm.heading);
+    // At its middle a turn comes this much nearer to the corner for each metre that its radius is larger.
+    let nearer = 1.0 / Point::unit(0.5 * angle).x.max(0.3) - 1.0;
+    let spare = apart - 0.5 * lanes[lane].width;
+    (corner + apart + spare / nearer.max(0.02)).min(largest).max(6.0)
 }
 
 fn lay_way(
@@ -267,14 +285,29 @@ fn lay_curbs(builder: &mut Builder, net: &Net, places: &[Place<'_>], radius: f64
 }
 
 fn lay_curb(builder: &mut Builder, from: &Place<'_>, to: &Place<'_>, radius: f64) {
-    let (left, _) = from.curbs();
-    let (_, right) = to.curbs();
-    let (start, end) = (from.at(0.0, left), to.at(0.0, -right));
-    let start = Pose::new(start.x, start.y, from.outward(0.0).heading + PI);
-    let end = Pose::new(end.x, end.y, to.outward(0.0).heading);
-    if start.position().distance(end.position()) > 1e-6 {
-        builder.edge(RoadEdgeKind::Boundary, Curve::join_within(start, end, radius).polyline());
+    let (start, end) = (from.curb_ends.0, to.curb_ends.1);
+    let (ahead, back) = (start.to_body(end.position()), end.to_body(start.position()));
+    let turned = wrap_angle(end.heading - start.heading);
+    if start.position().distance(end.position()) < 1e-6 {
+        return;
     }
+    let shift = ahead.y.abs().min(back.y.abs());
+    // On the flat side of a T between streets of different widths, the wide one's curb goes on as far as it can: ways that turn left
+    // swing out there.
+    let course = if turned.abs() < FLAT && shift > 0.3 && (ahead.y > 0.0) == (back.y < 0.0) {
+        let short = (1.5 * shift).clamp(4.0, 0.7 * ahead.x.abs().max(6.0));
+        if ahead.y > 0.0 {
+            let on = Curve::new(start, &[straight((ahead.x - short).max(0.5))]);
+            let rest = Curve::join(on.end(), end);
+            on.then(&rest)
+        } else {
+            let before = Curve::new(end, &[straight(0.0)]).strip(-(-back.x - short).max(0.5), 0.0, 0.0);
+            Curve::join(start, before.start()).then(&before)
+        }
+    } else {
+        Curve::join_within(start, end, radius)
+    };
+    builder.edge(RoadEdgeKind::Boundary, course.polyline());
 }
 
 /// The crosswalk over an arm, and where it crosses the ways.
@@ -298,7 +331,7 @@ fn lay_crosswalk(builder: &mut Builder, place: &Place<'_>, arm: (usize, usize), 
         let Some(through) = lane.way.filter(|way| way.from == arm.1 || way.to == arm.1) else { continue };
         let count = lane.course.points().len();
         // The last of the points, counted from the arm, that still lies on it.
-        let is_on = |point: world::geometry::Point| pose.to_body(point).x > -half;
+        let is_on = |point: Point| pose.to_body(point).x > -half;
         let leads_in = through.from == arm.1;
         let on = if leads_in {
             lane.course.points().take_while(|point| is_on(*point)).count()

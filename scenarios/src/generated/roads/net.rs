@@ -14,9 +14,11 @@ pub(super) const CROSSWALK: (f64, f64) = (1.0, 4.3);
 pub(super) const CORNER: f64 = 7.5;
 const BEND: f64 = 18.0;
 /// Radius at driveways.
-const DRIVEWAY: f64 = 4.0;
-/// Of its length, a junction takes at most this much from a street.
-const MOST: f64 = 0.42;
+pub(super) const DRIVEWAY: f64 = 4.0;
+/// From this angle between two arms on (rad) there is no corner between them.
+const NEARLY_FLAT: f64 = 2.5;
+/// Of its length, the junctions at its ends take at most this much from a street.
+const MOST: f64 = 0.85;
 
 #[derive(Debug, Default)]
 pub(super) struct Net {
@@ -151,10 +153,16 @@ impl Net {
             let is_junction = self.nodes[node].is_junction(arms.len());
             for (arm, setback) in arms.iter().zip(setbacks) {
                 let street = &mut self.streets[arm.street];
-                street.setback[arm.end as usize] = setback.min(MOST * street.middle.length());
+                street.setback[arm.end as usize] = setback;
                 street.stop[arm.end as usize] = is_junction && !self.nodes[node].driveway;
             }
             self.nodes[node].arms = arms;
+        }
+        for street in &mut self.streets {
+            let (most, taken) = (MOST * street.middle.length(), street.setback[0] + street.setback[1]);
+            if taken > most {
+                street.setback = street.setback.map(|setback| setback * most / taken);
+            }
         }
         for node in 0..self.nodes.len() {
             self.find_pockets(node);
@@ -184,8 +192,10 @@ impl Net {
             let right = self.streets[next.street].profile(next.end.inbound().other()).curb();
             let (ahead, half) = (Point::unit(gap), Point::unit(0.5 * (PI - gap)));
             let tangent = radius * half.y / half.x;
-            let own = (right + left * ahead.x) / ahead.y;
-            let other = (left + right * ahead.x) / ahead.y;
+            // Where one street nearly goes on as the other, their curbs meet anywhere: an S joins them.
+            let most = if gap > NEARLY_FLAT { 8.0 } else { f64::INFINITY };
+            let own = ((right + left * ahead.x) / ahead.y).min(most);
+            let other = ((left + right * ahead.x) / ahead.y).min(most);
             for (place, clear) in [(index, own), (next_index, other)] {
                 let street = &self.streets[arms[place].street].street;
                 let walks = street.walks && node.has_crosswalks(arms.len());

@@ -5,7 +5,7 @@ use super::net::NetStreet;
 
 /// Lengths (m) of sections, at even shares of all of them. With the ways through junctions, which are neither short nor long, the lanes
 /// of a map come out as real ones: half of them below 17 m, a quarter above 36 m.
-const LENGTHS: [f64; 9] = [4.0, 6.5, 8.5, 10.5, 13.0, 17.0, 30.0, 55.0, 110.0];
+const LENGTHS: [f64; 9] = [3.5, 5.0, 6.5, 8.0, 10.0, 12.5, 16.0, 50.0, 120.0];
 
 /// How far a pocket is from its stop line where it begins as a lane of its own, and how long its lane needs to get beside the others.
 const SOLID: (f64, f64) = (25.0, 48.0);

@@ -7,7 +7,7 @@ use super::super::curve::Curve;
 use super::super::pcg::Pcg32;
 use super::builder::{Bound, Builder, NewLane};
 use super::net::{CROSSWALK, End, NetStreet};
-use super::profile::{BIKE_LANE, Direction, GUTTER, PARKING, Profile, WALK};
+use super::profile::{BIKE_LANE, Direction, PARKING, Profile, WALK};
 use super::sections::Sections;
 use super::{Bay, Crossing, LaneIndex, Middle, flat};
 
@@ -27,6 +27,8 @@ pub(super) struct Side {
     pub(super) bikes: Vec<LaneIndex>,
     /// The lane to turn left from, before the stop line, and the one that leads to it.
     pub(super) pocket: Option<[LaneIndex; 2]>,
+    /// Where the curb on its right begins and ends, in this direction; of a way without lanes, the curb of the other's left.
+    pub(super) curb: [Pose; 2],
 }
 
 impl Side {
@@ -70,7 +72,8 @@ pub(super) fn lay(builder: &mut Builder, index: usize, street: &NetStreet) -> [S
         new(Direction::Backward, street.middle.reversed(), back),
     ];
     let inner = inner_bounds(builder, street, &lays, &mut random);
-    let sides = [0, 1].map(|way| lays[way].lanes(builder, inner[way], inner[1 - way]));
+    let sides =
+        [0, 1].map(|way| Side { curb: lays[way].curb_ends(), ..lays[way].lanes(builder, inner[way], inner[1 - way]) });
     for (lay, side) in lays.iter().zip(&sides) {
         lay.bays(builder, side);
     }
@@ -97,7 +100,7 @@ fn inner_bounds(
         // The curb on the left of the only way; as all edges, it runs with the road on its left.
         let lay = &lays[empty];
         let (from, to) = lay.reach();
-        let edge = builder.edge(RoadEdgeKind::Boundary, lay.middle.strip(from, to, -GUTTER).polyline());
+        let edge = builder.edge(RoadEdgeKind::Boundary, lay.middle.strip(from, to, -lay.profile.curb()).polyline());
         let mut bounds = [Some(edge); 2];
         bounds[empty] = None;
         return bounds;
@@ -194,7 +197,7 @@ impl Lay<'_> {
         let slots: Vec<Vec<LaneIndex>> =
             (0..profile.lanes).map(|slot| chain(builder, profile.lane(slot), (profile.lane_width, false))).collect();
         let bikes = profile.bike_lane().map_or(Vec::new(), |offset| chain(builder, offset, (BIKE_LANE, true)));
-        let mut side = Side { slots, bikes, pocket: None };
+        let mut side = Side { slots, bikes, ..Side::default() };
         if self.street.lot {
             return side;
         }
@@ -254,9 +257,12 @@ impl Lay<'_> {
         let (from, mid) = self.sections.span(taper);
         let to = self.sections.cuts[last + 1];
         let lane = self.lane(builder, last, offset, (width, false));
-        let [start, end] =
-            [builder.roads.lanes[first_lane[taper]].course.start(), builder.roads.lanes[lane].course.start()];
-        let lead = self.lane_of(builder, taper, Curve::join(start, end), (self.profile.lane_width, false));
+        let shift = self.profile.lane(0) - offset;
+        let beside = &builder.roads.lanes[first_lane[taper]].course;
+        let length = beside.length();
+        let course = beside.shifted_by(|station| shift * smooth(station / length));
+        let course = course.ending_at(builder.roads.lanes[lane].course.start());
+        let lead = self.lane_of(builder, taper, course, (self.profile.lane_width, false));
         if let Some(before) = taper.checked_sub(1).map(|before| first_lane[before]) {
             builder.link(before, lead);
         }
@@ -285,6 +291,11 @@ impl Lay<'_> {
             }
         }
         bounds
+    }
+
+    fn curb_ends(&self) -> [Pose; 2] {
+        let (from, to) = self.reach();
+        [from, to].map(|at| self.middle.strip(at, at, -self.profile.curb()).start())
     }
 
     fn curb(&self, builder: &mut Builder) -> Option<Bound> {
@@ -349,16 +360,21 @@ impl Lay<'_> {
         let (from, to) = self.reach();
         let (before, after) = if self.is_forward() { (0, 1) } else { (1, 0) };
         let beyond = |end: usize| if self.street.stop[end] { 0.5 * (CROSSWALK.0 + CROSSWALK.1) } else { 0.0 };
-        let curb = if self.profile.lanes > 0 { self.profile.curb() } else { GUTTER };
+        let curb = self.profile.curb();
         let course = self.middle.strip(from - beyond(before), to + beyond(after), -curb - WALK);
         builder.roads.walks.push(course);
     }
 }
 
+/// From 0 to 1 without a jump of direction or curvature.
+fn smooth(t: f64) -> f64 {
+    t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
+}
+
 /// The crosswalks between a street's ends.
 fn lay_crosswalks(builder: &mut Builder, lays: &[Lay<'_>; 2], sides: &[Side; 2]) {
     let half = 0.5 * (CROSSWALK.1 - CROSSWALK.0);
-    let curbs = [0, 1].map(|way| if lays[way].profile.lanes > 0 { lays[way].profile.curb() } else { GUTTER });
+    let curbs = [0, 1].map(|way| lays[way].profile.curb());
     for at in lays[0].crosswalks() {
         let middle = &lays[0].middle;
         let corners = [(-half, -curbs[0]), (half, -curbs[0]), (half, curbs[1]), (-half, curbs[1])];

@@ -1,7 +1,7 @@
 //! What holds for the roads of any town.
 
 use proptest::prelude::*;
-use world::geometry::{Point, angle_difference};
+use world::geometry::{Point, SegmentGrid, angle_difference};
 use world::map::{LaneKind, MapId};
 use world::scene::{AgentKind, AgentState, SceneParts, Track, TrackId};
 
@@ -76,9 +76,9 @@ fn any_town(seed: u64) -> Town {
                     let end = town.nodes.len() - 1;
                     let inward = random.between(0.0, 1.0) < 0.5;
                     let mut stub = street(random, if inward { end } else { node }, if inward { node } else { end });
-                    if !inward && random.between(0.0, 1.0) < 0.4 {
+                    if !inward && columns * rows == 1 && random.between(0.0, 1.0) < 0.6 {
                         let heading = (town.nodes[end].at - town.nodes[node].at).heading();
-                        let angle = random.between(0.3, 1.0) * if random.between(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
+                        let angle = random.between(0.3, 0.8) * if random.between(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
                         let mut pieces = vec![straight(40.0)];
                         pieces.extend(turn(angle, random.between(40.0, 90.0), 10.0));
                         pieces.push(straight(30.0));
@@ -150,7 +150,7 @@ fn neighbors_are_parallel(roads: &Roads) {
                     (lane.course.pose(share * lane.course.length()), other.course.pose(share * other.course.length()));
                 let beside = a.to_body(b.position());
                 assert!(
-                    beside.x.abs() < 1.2 && (beside.y - 0.5 * (lane.width + other.width)).abs() < 0.15,
+                    beside.x.abs() < 1.5 && (beside.y - 0.5 * (lane.width + other.width)).abs() < 0.15,
                     "{index}: {beside:?}"
                 );
             }
@@ -161,25 +161,20 @@ fn neighbors_are_parallel(roads: &Roads) {
 
 /// Edges have the road on their left, and leave lanes their room.
 fn edges_bound_the_road(roads: &Roads) {
-    for lane in roads.lanes.iter().filter(|lane| !lane.lot) {
+    let edges = roads.map.road_edges.iter().map(|edge| (0, edge.polyline.iter().map(|point| point.xy())));
+    let grid = SegmentGrid::new(edges, 5.0);
+    for lane in roads.lanes.iter().filter(|lane| !(lane.lot || lane.bike && lane.way.is_some())) {
         for point in lane.course.points() {
-            let mut nearest = (f64::INFINITY, 0.0);
-            for edge in &roads.map.road_edges {
-                for pair in edge.polyline.windows(2) {
-                    let (a, b) = (pair[0].xy(), pair[1].xy());
-                    if a.distance(point) > 30.0 {
-                        continue;
-                    }
-                    let along = b - a;
-                    let share = ((point - a).dot(along) / along.norm_squared().max(1e-12)).clamp(0.0, 1.0);
-                    let distance = point.distance(a + along * share);
-                    if distance < nearest.0 - 1e-9 {
-                        nearest = (distance, along.cross(point - a));
-                    }
-                }
-            }
-            assert!(nearest.0 > 0.5 * lane.width - 0.75, "lane {}: {point:?} is {} m from an edge", lane.id, nearest.0);
-            assert!(nearest.0 > 8.0 || nearest.1 > 0.0, "lane {}: {point:?} is beyond an edge", lane.id);
+            let Some(nearest) = grid.nearest(point, 10.0).filter(|nearest| !nearest.beyond_end) else { continue };
+            // Where streets of different widths meet, a way is no lane of full width: enough for a car's, with the judges' tolerance.
+            let room = if lane.way.is_some() { 0.8 } else { 0.5 * lane.width - 0.3 };
+            assert!(
+                nearest.signed_distance > room,
+                "lane {} {:?}: {point:?} {}",
+                lane.id,
+                lane.way,
+                nearest.signed_distance
+            );
         }
     }
 }
@@ -190,7 +185,7 @@ fn ways_can_be_driven(roads: &Roads) {
             .map(|k| lane.course.curvature(k as f64).abs())
             .fold(0.0, f64::max);
         assert!(
-            sharpest <= 0.35,
+            sharpest <= 0.27,
             "lane {index}, {:?}: {sharpest}, {:?} to {:?}",
             lane.way,
             lane.course.start(),
@@ -231,11 +226,12 @@ fn holds(roads: &Roads) {
     links_meet(roads);
     neighbors_are_parallel(roads);
     ways_can_be_driven(roads);
+    edges_bound_the_road(roads);
     conflicts_are_sound(roads);
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(30))]
+    #![proptest_config(ProptestConfig::with_cases(100))]
 
     #[test]
     fn any_town_is_laid_soundly(seed in any::<u64>()) {
@@ -246,7 +242,7 @@ proptest! {
 #[test]
 #[ignore = "for the eye: writes /tmp/town-SEED.svg"]
 fn picture() {
-    for seed in 0..6 {
+    for seed in 0..400 {
         let roads = lay(&any_town(seed));
         std::fs::write(format!("/tmp/town-{seed}.svg"), svg(&roads)).unwrap();
     }
@@ -284,7 +280,7 @@ fn svg(roads: &Roads) -> String {
     let high = points().fold((f64::NEG_INFINITY, f64::NEG_INFINITY), |high, p| (high.0.max(p.x), high.1.max(-p.y)));
     let (width, height) = (high.0 - low.0 + 30.0, high.1 - low.1 + 30.0);
     let mut text = format!(
-        "<svg xmlns='http://www.w3.org/2000/svg' viewBox='{} {} {width} {height}' width='{}' height='{}'><rect x='{}' y='{}' width='100%' height='100%' fill='white'/>\n",
+        "<svg xmlns='http://www.w3.org/2000/svg' viewBox='{} {} {width} {height}' width='{}' height='{}'><rect x='{}' y='{}' width='9999' height='9999' fill='white'/>\n",
         low.0 - 15.0,
         low.1 - 15.0,
         width * 6.0,
@@ -360,7 +356,7 @@ fn survey() {
         ("edges", edges_bound_the_road),
         ("conflicts", conflicts_are_sound),
     ];
-    for seed in 0..80 {
+    for seed in 0..2000 {
         let roads = std::panic::catch_unwind(|| lay(&any_town(seed)));
         let Ok(roads) = roads else {
             println!("{seed}: cannot be laid");
