@@ -63,7 +63,13 @@ pub(super) fn conflicts(lanes: &[Lane], ways: &[LaneIndex]) -> Vec<Conflict> {
     for (index, one) in boxed.iter().enumerate() {
         for other in &boxed[index + 1..] {
             let (a, b) = (&lanes[one.lane], &lanes[other.lane]);
-            let follows = a.exits.contains(&other.lane) || b.exits.contains(&one.lane);
+            // Whoever is on the one comes to the other, at once or over a short piece of a ring.
+            let leads = |from: &Lane, to: LaneIndex| {
+                from.exits
+                    .iter()
+                    .any(|exit| *exit == to || (lanes[*exit].way.is_some() && lanes[*exit].exits.contains(&to)))
+            };
+            let follows = leads(a, other.lane) || leads(b, one.lane);
             if a.entries.iter().any(|entry| b.entries.contains(entry)) || follows {
                 continue;
             }

@@ -1,23 +1,24 @@
-//! Junctions: ways from lane to lane, curbs around the corners, crosswalks, stop signs.
+//! Junctions: ways from lane to lane, and what is known of them all.
 
 use std::f64::consts::PI;
 
 use world::geometry::{Point, Pose, wrap_angle};
-use world::map::RoadEdgeKind;
 
-use super::super::curve::{Curve, straight};
+use super::super::curve::Curve;
 use super::builder::{Builder, NewLane};
 use super::conflicts::conflicts;
-use super::net::{CORNER, CROSSWALK, DRIVEWAY, Net, NetArm};
-use super::profile::{Direction, WALK};
+use super::crosswalks::lay_crosswalk;
+use super::curbs::{lay_curb, lay_curbs};
+use super::net::{Net, NetNode};
+use super::place::Place;
 use super::streets::Side;
-use super::{Arm, Control, Crossing, Junction, LaneIndex, Turn, Way, flat};
+use super::{Arm, Control, Junction, LaneIndex, Turn, Way, flat, roundabout};
 
 /// What leads on within this angle (rad) goes straight.
 pub(super) const STRAIGHT: f64 = 0.65;
 
-/// Curbs whose directions differ by less (rad) have no corner between them.
-const FLAT: f64 = 0.5;
+/// What leads back at more than this angle (rad) is no way to go.
+const TURNING_BACK: f64 = 2.5;
 
 /// The largest radii of turns (m).
 const LARGEST_RIGHT: f64 = 13.0;
@@ -26,49 +27,6 @@ const LARGEST_LEFT: f64 = 24.0;
 /// How one turns from the arm that points to one heading to the arm that points to another (rad, left is positive).
 pub(super) fn turn(from: f64, to: f64) -> f64 {
     wrap_angle(to - from - PI)
-}
-
-/// An arm with what is laid of its street.
-struct Place<'a> {
-    arm: NetArm,
-    inbound: Vec<LaneIndex>,
-    outbound: Vec<LaneIndex>,
-    bike_in: Option<LaneIndex>,
-    bike_out: Option<LaneIndex>,
-    /// Whether the first of `inbound` is a pocket.
-    pocket: bool,
-    /// Where the curbs beside it end and begin: on the right of who comes, and of who leaves.
-    curb_ends: (Pose, Pose),
-    net: &'a Net,
-}
-
-impl<'a> Place<'a> {
-    fn new(net: &'a Net, arm: NetArm, sides: &[[Side; 2]]) -> Self {
-        let inbound_side = &sides[arm.street][arm.end.inbound() as usize];
-        let outbound_side = &sides[arm.street][arm.end.inbound().other() as usize];
-        let ((inbound, bike_in), (outbound, bike_out)) = (inbound_side.inbound(), outbound_side.outbound());
-        let (pocket, curb_ends) = (inbound_side.pocket.is_some(), (inbound_side.curb[1], outbound_side.curb[0]));
-        Self { arm, inbound, outbound, bike_in, bike_out, pocket, curb_ends, net }
-    }
-
-    fn curb(&self, direction: Direction) -> f64 {
-        self.net.streets[self.arm.street].profile(direction).curb()
-    }
-
-    /// How far to the left and to the right of its middle the curbs lie, as one looks outward.
-    fn curbs(&self) -> (f64, f64) {
-        let inbound = self.arm.end.inbound();
-        (self.curb(inbound), self.curb(inbound.other()))
-    }
-
-    fn outward(&self, before_stop: f64) -> Pose {
-        let street = &self.net.streets[self.arm.street];
-        street.outward(self.arm.end, street.setback(self.arm.end) + before_stop)
-    }
-
-    fn at(&self, before_stop: f64, left: f64) -> Point {
-        self.outward(before_stop).to_world(Point::new(0.0, left))
-    }
 }
 
 /// Where an arm's lanes lead.
@@ -88,6 +46,10 @@ fn targets(places: &[Place<'_>], from: usize) -> Vec<Target> {
             Target { arm, turn: if angle > 0.0 { Turn::Left } else { Turn::Right }, angle }
         })
         .collect();
+    // Nobody turns back where there is another way.
+    if targets.iter().any(|target| target.angle.abs() < TURNING_BACK) {
+        targets.retain(|target| target.angle.abs() < TURNING_BACK);
+    }
     let ahead = targets.iter_mut().min_by(|a, b| a.angle.abs().total_cmp(&b.angle.abs()));
     if let Some(ahead) = ahead.filter(|ahead| ahead.angle.abs() < STRAIGHT) {
         ahead.turn = Turn::Straight;
@@ -95,8 +57,8 @@ fn targets(places: &[Place<'_>], from: usize) -> Vec<Target> {
     targets
 }
 
-/// The ways of one arm's lanes: from lane, to lane, where to.
-fn ways(places: &[Place<'_>], from: usize) -> Vec<(LaneIndex, LaneIndex, Target)> {
+/// The ways of one arm's lanes: from lane, to lane, where to. At a merge the ramp leads into the outermost lane.
+fn ways(places: &[Place<'_>], from: usize, merge: bool) -> Vec<(LaneIndex, LaneIndex, Target)> {
     let place = &places[from];
     let targets = targets(places, from);
     let of = |turn: Turn| targets.iter().copied().filter(move |target| target.turn == turn);
@@ -104,7 +66,9 @@ fn ways(places: &[Place<'_>], from: usize) -> Vec<(LaneIndex, LaneIndex, Target)
     let mut ways = Vec::new();
     let Some((first, last)) = cars.first().copied().zip(cars.last().copied()) else { return ways };
     for target in of(Turn::Straight) {
-        let on = cars.iter().zip(&places[target.arm].outbound);
+        let outbound = &places[target.arm].outbound;
+        let first = if merge && !place.street().street.major { outbound.len().saturating_sub(cars.len()) } else { 0 };
+        let on = cars.iter().zip(&outbound[first..]);
         ways.extend(on.map(|(lane, next)| (*lane, *next, target)));
     }
     for target in of(Turn::Left) {
@@ -157,50 +121,70 @@ pub(super) fn lay(builder: &mut Builder, net: &Net, index: usize, sides: &[[Side
         lay_bend(builder, &places);
         return;
     }
-    let corner = if node.driveway { DRIVEWAY } else { CORNER };
+    let lanes = match node.control {
+        Control::Roundabout { radius } => roundabout::lay(builder, node.at, radius, &places),
+        _ => lay_ways(builder, node, &places),
+    };
+    finish(builder, index, node, &places, lanes);
+}
+
+/// The lanes of a junction: for each arm those that begin at its stop line, and those that end where its outbound lanes begin; and all.
+#[derive(Debug, Default)]
+pub(super) struct Through {
+    pub(super) entering: Vec<Vec<LaneIndex>>,
+    pub(super) leaving: Vec<Vec<LaneIndex>>,
+    pub(super) all: Vec<LaneIndex>,
+}
+
+fn lay_ways(builder: &mut Builder, node: &NetNode, places: &[Place<'_>]) -> Through {
+    let corner = node.corner();
     let junction = builder.roads.junctions.len();
-    let mut all = Vec::new();
-    let mut of_arm: Vec<Vec<LaneIndex>> = Vec::new();
+    let none = || vec![Vec::new(); places.len()];
+    let mut through = Through { entering: none(), leaving: none(), all: Vec::new() };
     for from in 0..places.len() {
-        let lanes: Vec<LaneIndex> = ways(&places, from)
-            .into_iter()
-            .map(|(lane, next, target)| {
-                let way = Way { junction, from, to: target.arm, turn: target.turn };
-                let arms = (&places[from], &places[target.arm]);
-                let radius = largest_radius(builder, corner, arms, (lane, next), target.turn);
-                lay_way(builder, (lane, next), Some(way), radius, node.lot)
-            })
-            .collect();
-        all.extend(&lanes);
-        of_arm.push(lanes);
+        for (lane, next, target) in ways(places, from, node.control == Control::Merge) {
+            let way = Way { junction, from, to: target.arm, turn: target.turn };
+            let arms = (&places[from], &places[target.arm]);
+            let radius = largest_radius(builder, corner, arms, (lane, next), target.turn);
+            let way = lay_way(builder, (lane, next), Some(way), radius);
+            through.entering[from].push(way);
+            through.leaving[target.arm].push(way);
+            through.all.push(way);
+        }
     }
-    lay_curbs(builder, net, &places, corner);
-    let arms = places.iter().enumerate().map(|(arm, place)| {
-        let street = &net.streets[place.arm.street].street;
-        let crossing = (street.walks && node.has_crosswalks(places.len()))
-            .then(|| lay_crosswalk(builder, place, (junction, arm), &all))
-            .flatten();
+    lay_curbs(builder, places, corner);
+    through
+}
+
+/// Crosswalks and signs; and what is known of the junction.
+fn finish(builder: &mut Builder, index: usize, node: &NetNode, places: &[Place<'_>], through: Through) {
+    let junction = builder.roads.junctions.len();
+    let mut arms = Vec::new();
+    for (arm, place) in places.iter().enumerate() {
+        let street = &place.street().street;
+        let lanes = (through.entering[arm].as_slice(), through.leaving[arm].as_slice());
+        let crosses = street.walks && node.has_crosswalks(places.len());
+        let crossing = if crosses { lay_crosswalk(builder, place, (junction, arm), lanes) } else { None };
         let signed = match node.control {
             Control::AllWayStop => true,
             Control::MinorStop => !street.major,
             _ => false,
         };
-        if signed && !of_arm[arm].is_empty() {
+        if signed && !through.entering[arm].is_empty() {
             let (left, _) = place.curbs();
-            builder.stop_sign(&of_arm[arm], flat(place.at(0.0, left + 0.8)));
+            builder.stop_sign(&through.entering[arm], flat(place.at(0.0, left + 0.8)));
         }
-        Arm {
-            street: net.streets[place.arm.street].part_of.unwrap_or(place.arm.street),
+        arms.push(Arm {
+            street: place.street().part_of.unwrap_or(place.arm.street),
             heading: place.arm.heading,
             major: street.major,
             inbound: place.inbound.iter().copied().chain(place.bike_in).collect(),
             outbound: place.outbound.iter().copied().chain(place.bike_out).collect(),
             crossing,
-        }
-    });
-    let arms = arms.collect();
-    let conflicts = conflicts(&builder.roads.lanes, &all);
-    builder.roads.junctions.push(Junction { node: index, control: node.control, arms, ways: all, conflicts });
+        });
+    }
+    let conflicts = conflicts(&builder.roads.lanes, &through.all);
+    builder.roads.junctions.push(Junction { node: index, control: node.control, arms, ways: through.all, conflicts });
 }
 
 /// How large a turn may be without cutting the corner, whose curb is of the radius `corner`: its arc may come as near to that as the
@@ -227,17 +211,17 @@ fn largest_radius(
     (corner + apart + spare / nearer.max(0.02)).min(largest).max(6.0)
 }
 
-fn lay_way(
+pub(super) fn lay_way(
     builder: &mut Builder,
     (from, to): (LaneIndex, LaneIndex),
     way: Option<Way>,
     largest_radius: f64,
-    lot: bool,
 ) -> LaneIndex {
     let (lanes, map) = (&builder.roads.lanes, &builder.roads.map);
     let course = Curve::join_within(lanes[from].course.end(), lanes[to].course.start(), largest_radius);
     let limit_mph = map.lanes[from].speed_limit_mph.min(map.lanes[to].speed_limit_mph);
     let (width, bike) = (lanes[from].width.min(lanes[to].width), lanes[from].bike);
+    let lot = lanes[from].lot || lanes[to].lot;
     let lane = builder.lane(NewLane { course, width, limit_mph, bike, way, solid: true, lot });
     builder.link(from, lane);
     builder.link(lane, to);
@@ -261,87 +245,13 @@ fn lay_bend(builder: &mut Builder, places: &[Place<'_>]) {
                 builder.link(lane, next);
             } else {
                 meets = false;
-                let lot = lanes[lane].lot;
-                lay_way(builder, (lane, next), None, f64::INFINITY, lot);
+                lay_way(builder, (lane, next), None, f64::INFINITY);
             }
         }
     }
-    if !meets {
+    if !meets && one.street().curbs && other.street().curbs {
         for (from, to) in [(one, other), (other, one)] {
             lay_curb(builder, from, to, f64::INFINITY);
         }
     }
-}
-
-/// The curbs around the corners, from each arm's inbound lanes to the next one's outbound.
-fn lay_curbs(builder: &mut Builder, net: &Net, places: &[Place<'_>], radius: f64) {
-    for (index, place) in places.iter().enumerate() {
-        let next = &places[(index + 1) % places.len()];
-        let in_lot = |place: &Place<'_>| net.streets[place.arm.street].lot;
-        if !in_lot(place) && !in_lot(next) {
-            lay_curb(builder, place, next, radius);
-        }
-    }
-}
-
-fn lay_curb(builder: &mut Builder, from: &Place<'_>, to: &Place<'_>, radius: f64) {
-    let (start, end) = (from.curb_ends.0, to.curb_ends.1);
-    let (ahead, back) = (start.to_body(end.position()), end.to_body(start.position()));
-    let turned = wrap_angle(end.heading - start.heading);
-    if start.position().distance(end.position()) < 1e-6 {
-        return;
-    }
-    let shift = ahead.y.abs().min(back.y.abs());
-    // On the flat side of a T between streets of different widths, the wide one's curb goes on as far as it can: ways that turn left
-    // swing out there.
-    let course = if turned.abs() < FLAT && shift > 0.3 && (ahead.y > 0.0) == (back.y < 0.0) {
-        let short = (1.5 * shift).clamp(4.0, 0.7 * ahead.x.abs().max(6.0));
-        if ahead.y > 0.0 {
-            let on = Curve::new(start, &[straight((ahead.x - short).max(0.5))]);
-            let rest = Curve::join(on.end(), end);
-            on.then(&rest)
-        } else {
-            let before = Curve::new(end, &[straight(0.0)]).strip(-(-back.x - short).max(0.5), 0.0, 0.0);
-            Curve::join(start, before.start()).then(&before)
-        }
-    } else {
-        Curve::join_within(start, end, radius)
-    };
-    builder.edge(RoadEdgeKind::Boundary, course.polyline());
-}
-
-/// The crosswalk over an arm, and where it crosses the ways.
-fn lay_crosswalk(builder: &mut Builder, place: &Place<'_>, arm: (usize, usize), ways: &[LaneIndex]) -> Option<usize> {
-    let street = &place.net.streets[place.arm.street];
-    if street.setback(place.arm.end) < CROSSWALK.1 {
-        return None;
-    }
-    let (near, far) = CROSSWALK;
-    let (left, right) = place.curbs();
-    let corners = [(near, -right), (near, left), (far, left), (far, -right)];
-    builder.crosswalk(corners.map(|(behind, left)| flat(place.at(-behind, left))).to_vec());
-    let middle = 0.5 * (near + far);
-    let course = Curve::line(place.at(-middle, -right - WALK), place.at(-middle, left + WALK));
-    builder.roads.crossings.push(Crossing { course, arm: Some(arm) });
-    let crossing = builder.roads.crossings.len() - 1;
-    let pose = place.outward(-middle);
-    let half = 0.5 * (far - near);
-    for way in ways {
-        let lane = &mut builder.roads.lanes[*way];
-        let Some(through) = lane.way.filter(|way| way.from == arm.1 || way.to == arm.1) else { continue };
-        let count = lane.course.points().len();
-        // The last of the points, counted from the arm, that still lies on it.
-        let is_on = |point: Point| pose.to_body(point).x > -half;
-        let leads_in = through.from == arm.1;
-        let on = if leads_in {
-            lane.course.points().take_while(|point| is_on(*point)).count()
-        } else {
-            lane.course.points().rev().take_while(|point| is_on(*point)).count()
-        };
-        let depth = (on.min(count) as f64 * lane.course.step()).clamp(near, lane.course.length());
-        let length = lane.course.length();
-        let span = if leads_in { (near, depth) } else { (length - depth, length - near) };
-        lane.crossed.push((crossing, span.0, span.1));
-    }
-    Some(crossing)
 }

@@ -7,10 +7,15 @@
 
 mod builder;
 mod conflicts;
+mod crosswalks;
+mod curbs;
 mod junctions;
 mod lay;
+mod merge;
 mod net;
+mod place;
 mod profile;
+mod roundabout;
 mod sections;
 mod streets;
 #[cfg(test)]

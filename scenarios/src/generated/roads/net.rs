@@ -6,15 +6,16 @@ use world::geometry::{Point, Pose};
 
 use super::super::curve::{Curve, straight};
 use super::profile::{Direction, Profile};
-use super::{Control, Middle, Street, Town};
+use super::{Control, Middle, Street, Town, merge, roundabout};
 
 /// Where a junction's crosswalks lie behind its stop lines (m): from, to.
 pub(super) const CROSSWALK: (f64, f64) = (1.0, 4.3);
 /// Radius of the curbs at the corners of junctions (m); of bends between two streets.
-pub(super) const CORNER: f64 = 7.5;
+const CORNER: f64 = 7.5;
 const BEND: f64 = 18.0;
-/// Radius at driveways.
-pub(super) const DRIVEWAY: f64 = 4.0;
+/// Radii at driveways and in lots.
+const DRIVEWAY: f64 = 4.0;
+const IN_LOT: f64 = 4.3;
 /// From this angle between two arms on (rad) there is no corner between them.
 const NEARLY_FLAT: f64 = 2.5;
 /// Of its length, the junctions at its ends take at most this much from a street.
@@ -71,6 +72,8 @@ pub(super) struct NetStreet {
     /// Which of the town's streets it is, or is a part of.
     pub(super) part_of: Option<usize>,
     pub(super) lot: bool,
+    /// Whether curbs lie beside it.
+    pub(super) curbs: bool,
     /// How much its ends lie before the nodes (m): the stop lines.
     pub(super) setback: [f64; 2],
     /// Whether a stop line, or at least a junction, lies at its ends.
@@ -81,7 +84,16 @@ pub(super) struct NetStreet {
 
 impl NetStreet {
     pub(super) fn new(street: Street, middle: Curve) -> Self {
-        Self { street, middle, part_of: None, lot: false, setback: [0.0; 2], stop: [false; 2], pocket: [false; 2] }
+        Self {
+            street,
+            middle,
+            part_of: None,
+            lot: false,
+            curbs: true,
+            setback: [0.0; 2],
+            stop: [false; 2],
+            pocket: [false; 2],
+        }
     }
 
     pub(super) fn profile(&self, direction: Direction) -> Profile {
@@ -112,11 +124,7 @@ impl NetStreet {
 impl Net {
     /// The nodes and middles of a town. A bent street puts the node at its end where it ends.
     pub(super) fn new(town: &Town) -> Self {
-        let mut nodes: Vec<NetNode> = town
-            .nodes
-            .iter()
-            .map(|node| NetNode { at: node.at, control: node.control, arms: Vec::new(), driveway: false, lot: false })
-            .collect();
+        let mut nodes: Vec<NetNode> = town.nodes.iter().map(|node| NetNode::new(node.at, node.control)).collect();
         let mut bent: Vec<Option<Curve>> = Vec::new();
         for street in &town.streets {
             bent.push(street.bend.as_ref().map(|(heading, pieces)| {
@@ -154,7 +162,7 @@ impl Net {
             for (arm, setback) in arms.iter().zip(setbacks) {
                 let street = &mut self.streets[arm.street];
                 street.setback[arm.end as usize] = setback;
-                street.stop[arm.end as usize] = is_junction && !self.nodes[node].driveway;
+                street.stop[arm.end as usize] = is_junction && self.nodes[node].stops();
             }
             self.nodes[node].arms = arms;
         }
@@ -175,11 +183,16 @@ impl Net {
         if arms.len() < 2 {
             return setbacks;
         }
-        let radius = match (node.driveway, node.control) {
-            (true, _) => DRIVEWAY,
-            (_, Control::Free) => BEND,
-            _ => CORNER,
-        };
+        match node.control {
+            Control::Roundabout { radius } => return vec![radius + roundabout::APPROACH; arms.len()],
+            Control::Merge => {
+                if let Some(setbacks) = merge::setbacks(self, arms) {
+                    return setbacks;
+                }
+            }
+            _ => {}
+        }
+        let radius = node.corner();
         for (index, arm) in arms.iter().enumerate() {
             let next_index = (index + 1) % arms.len();
             let next = &arms[next_index];
@@ -205,6 +218,7 @@ impl Net {
         }
         let least = match node.control {
             Control::Free => 0.0,
+            _ if node.lot => 0.0,
             _ if node.driveway => 5.0,
             _ => 8.0,
         };
@@ -231,18 +245,37 @@ impl Net {
             let both = street.street.forward > 0 && street.street.backward > 0;
             let room = length - street.setback[0] - street.setback[1] > 75.0;
             let pocket = street.street.left_pocket && turns && arms.len() > 2 && wide && left && both && room;
-            self.streets[arm.street].pocket[arm.end as usize] = pocket && !self.nodes[node].driveway;
+            self.streets[arm.street].pocket[arm.end as usize] = pocket && self.nodes[node].stops();
         }
     }
 }
 
 impl NetNode {
+    pub(super) fn new(at: Point, control: Control) -> Self {
+        Self { at, control, arms: Vec::new(), driveway: false, lot: false }
+    }
+
+    /// The radius of the curbs at its corners (m).
+    pub(super) fn corner(&self) -> f64 {
+        match self.control {
+            _ if self.driveway => DRIVEWAY,
+            _ if self.lot => IN_LOT,
+            Control::Free => BEND,
+            _ => CORNER,
+        }
+    }
+
+    /// Whether lanes keep apart before it.
+    fn stops(&self) -> bool {
+        !self.driveway && !self.lot && self.control != Control::Merge
+    }
+
     /// Whether ways lead through it, rather than lanes on from one street to another.
     pub(super) fn is_junction(&self, arms: usize) -> bool {
         arms > 2 || (arms == 2 && self.control != Control::Free)
     }
 
     pub(super) fn has_crosswalks(&self, arms: usize) -> bool {
-        self.is_junction(arms) && !self.driveway && !matches!(self.control, Control::Merge)
+        self.is_junction(arms) && self.stops()
     }
 }

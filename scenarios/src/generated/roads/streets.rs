@@ -92,7 +92,7 @@ fn inner_bounds(
     random: &mut Pcg32,
 ) -> [Option<Bound>; 2] {
     let (from, to) = street.reach();
-    if street.lot {
+    if !street.curbs {
         return [None; 2];
     }
     let one_way = lays.iter().position(|lay| lay.profile.lanes == 0);
@@ -198,7 +198,7 @@ impl Lay<'_> {
             (0..profile.lanes).map(|slot| chain(builder, profile.lane(slot), (profile.lane_width, false))).collect();
         let bikes = profile.bike_lane().map_or(Vec::new(), |offset| chain(builder, offset, (BIKE_LANE, true)));
         let mut side = Side { slots, bikes, ..Side::default() };
-        if self.street.lot {
+        if !self.street.curbs {
             return side;
         }
 
