@@ -222,7 +222,7 @@ pub(super) fn lay_way(
     let limit_mph = map.lanes[from].speed_limit_mph.min(map.lanes[to].speed_limit_mph);
     let (width, bike) = (lanes[from].width.min(lanes[to].width), lanes[from].bike);
     let lot = lanes[from].lot || lanes[to].lot;
-    let lane = builder.lane(NewLane { course, width, limit_mph, bike, way, solid: true, lot });
+    let lane = builder.lane(NewLane { course, width, limit_mph, bike, way, solid: way.is_some(), lot });
     builder.link(from, lane);
     builder.link(lane, to);
     lane

@@ -11,6 +11,7 @@ mod crosswalks;
 mod curbs;
 mod junctions;
 mod lay;
+mod lots;
 mod merge;
 mod net;
 mod place;
@@ -20,6 +21,7 @@ mod sections;
 mod streets;
 #[cfg(test)]
 mod tests;
+mod walks;
 
 use world::geometry::{Point, Point3, Pose};
 use world::map::{Map, MapId};

@@ -24,7 +24,10 @@ const MOST: f64 = 0.85;
 #[derive(Debug, Default)]
 pub(super) struct Net {
     pub(super) nodes: Vec<NetNode>,
+    /// First those of the town.
     pub(super) streets: Vec<NetStreet>,
+    /// For each street of the town the streets here that are its parts, in order.
+    pub(super) parts: Vec<Vec<usize>>,
 }
 
 #[derive(Clone, Debug)]
@@ -141,8 +144,9 @@ impl Net {
             let line = || Curve::new(Pose::new(from.x, from.y, heading), &[straight(from.distance(to))]);
             NetStreet { part_of: Some(index), ..NetStreet::new(street.clone(), bent.unwrap_or_else(line)) }
         };
-        let streets = streets.map(lay).collect();
-        Self { nodes, streets }
+        let streets: Vec<NetStreet> = streets.map(lay).collect();
+        let parts = (0..streets.len()).map(|street| vec![street]).collect();
+        Self { nodes, streets, parts }
     }
 
     /// Finds the arms of each node, and what junctions take of the streets. To be called when all streets are there.
@@ -243,7 +247,8 @@ impl Net {
                 outbound.lanes > 0 && super::junctions::turn(arm.heading, other.heading) > super::junctions::STRAIGHT
             });
             let both = street.street.forward > 0 && street.street.backward > 0;
-            let room = length - street.setback[0] - street.setback[1] > 75.0;
+            let other_end = street.stop[1 - arm.end as usize];
+            let room = length - street.setback[0] - street.setback[1] > if other_end { 75.0 } else { 50.0 };
             let pocket = street.street.left_pocket && turns && arms.len() > 2 && wide && left && both && room;
             self.streets[arm.street].pocket[arm.end as usize] = pocket && self.nodes[node].stops();
         }

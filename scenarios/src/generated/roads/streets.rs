@@ -77,9 +77,6 @@ pub(super) fn lay(builder: &mut Builder, index: usize, street: &NetStreet) -> [S
     for (lay, side) in lays.iter().zip(&sides) {
         lay.bays(builder, side);
     }
-    if street.street.walks {
-        lays.iter().for_each(|lay| lay.walk(builder));
-    }
     lay_crosswalks(builder, &lays, &sides);
     sides
 }
@@ -324,7 +321,10 @@ impl Lay<'_> {
                 let heading = self.middle.pose(at).heading;
                 let place = self.middle.beside(at, -line - 0.5 * PARKING);
                 let lane = outer[section];
-                let beside = Some((lane, self.on_lane(builder, lane, section, at)));
+                // In bends the lane beside is longer or shorter here than there: to what lies abreast it is a step or two.
+                let course = &builder.roads.lanes[lane].course;
+                let abreast = |station: f64| station + course.pose(station).to_body(place).x;
+                let beside = Some((lane, abreast(abreast(self.on_lane(builder, lane, section, at)))));
                 let pose = Pose::new(place.x, place.y, heading);
                 builder.roads.bays.push(Bay { pose, length: BAY, width: PARKING, beside });
             }
@@ -353,16 +353,6 @@ impl Lay<'_> {
         let station = move |share: &f64| if is_forward { share * length } else { (1.0 - share) * length };
         let clear = move |at: &f64| *at > from + 12.0 && *at < to - 12.0;
         self.street.street.crosswalks.iter().map(station).filter(clear)
-    }
-
-    /// People walk outside the curb, as far as to the crosswalks at its ends.
-    fn walk(&self, builder: &mut Builder) {
-        let (from, to) = self.reach();
-        let (before, after) = if self.is_forward() { (0, 1) } else { (1, 0) };
-        let beyond = |end: usize| if self.street.stop[end] { 0.5 * (CROSSWALK.0 + CROSSWALK.1) } else { 0.0 };
-        let curb = self.profile.curb();
-        let course = self.middle.strip(from - beyond(before), to + beyond(after), -curb - WALK);
-        builder.roads.walks.push(course);
     }
 }
 
