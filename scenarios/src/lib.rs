@@ -16,6 +16,7 @@ pub mod lint;
 pub mod picture;
 mod set;
 mod source;
+pub mod stats;
 pub mod tfrecord;
 pub mod womd;
 
