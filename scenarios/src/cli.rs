@@ -31,6 +31,8 @@ pub enum Command {
     Generate(GenerateArguments),
     /// Draw scenes from above, as PNG or SVG: one scene at one step, or a sheet of many
     Render(RenderArguments),
+    /// Figures of a set as a whole: percentiles of agents, sizes, speeds, gaps, lanes, signals ...
+    Stats(StatsArguments),
 }
 
 /// Where scenes are taken from.
@@ -192,4 +194,23 @@ fn trail(text: &str) -> Result<f64, String> {
 fn within(text: &str, low: f64, high: f64) -> Result<f64, String> {
     let number: f64 = text.parse().map_err(|_| "it is no number".to_owned())?;
     if (low..=high).contains(&number) { Ok(number) } else { Err(format!("it is not from {low} to {high}")) }
+}
+
+/// Arguments of `stats`.
+#[derive(Debug, Args)]
+pub struct StatsArguments {
+    #[command(flatten)]
+    pub inputs: Inputs,
+
+    /// Write the figures to this Parquet file too, a row a figure
+    #[arg(long, value_name = "FILE")]
+    pub parquet: Option<PathBuf>,
+
+    /// Write figures of each scene to this Parquet file, a row a scene
+    #[arg(long, value_name = "FILE")]
+    pub per_scene: Option<PathBuf>,
+
+    /// Print the tables as Markdown
+    #[arg(long)]
+    pub markdown: bool,
 }

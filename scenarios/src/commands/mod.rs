@@ -6,8 +6,10 @@ pub mod generate;
 pub mod inspect;
 pub mod lint;
 pub mod list;
+mod parquet;
 pub mod render;
 mod scenes;
+pub mod stats;
 mod table;
 mod whole_file;
 

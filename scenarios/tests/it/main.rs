@@ -10,6 +10,7 @@ mod packed;
 mod real;
 mod render;
 mod sets;
+mod stats;
 
 use std::path::PathBuf;
 
