@@ -4,6 +4,14 @@
 //! ```text
 //! family ──▶ Town (nodes, streets, lots) ──▶ lay ──▶ Roads (lanes, junctions, crossings, walks, bays; map) ──▶ traffic
 //! ```
+//!
+//! | module | what |
+//! | --- | --- |
+//! | `lay` | all of it in order |
+//! | `net`, `lots`, `merge` | where everything lies: middles of streets, arms of nodes, how far from them streets end; lots as more streets |
+//! | `profile`, `sections`, `streets`, `walks` | a street across and along, its lanes, lines, curbs, bays and sidewalks |
+//! | `place`, `junctions`, `roundabout`, `curbs`, `crosswalks`, `conflicts` | what lies at nodes |
+//! | `builder` | lanes of traffic and of the map, side by side |
 
 mod builder;
 mod conflicts;
@@ -124,9 +132,10 @@ pub(super) type LaneIndex = usize;
 pub(super) struct Roads {
     pub(super) map: Map,
     pub(super) lanes: Vec<Lane>,
-    /// For each node its junction, if streets meet there.
+    /// Where streets meet: at nodes of the town, where driveways meet streets, and in lots.
     pub(super) junctions: Vec<Junction>,
-    /// For each street its lanes by section: `streets[street].forward[slot]` lists them in driving order; slot 0 is next to the middle.
+    /// For each street its lanes by section: `streets[street].forward[slot]` lists them in driving order, with the ways across driveways
+    /// between them; slot 0 is next to the middle. After those of the town come the lanes of lots.
     pub(super) streets: Vec<Laid>,
     pub(super) crossings: Vec<Crossing>,
     /// Where people walk along the streets.
@@ -138,7 +147,7 @@ pub(super) struct Roads {
 pub(super) struct Laid {
     pub(super) forward: Vec<Vec<LaneIndex>>,
     pub(super) backward: Vec<Vec<LaneIndex>>,
-    /// Lanes for bicycles, in driving order.
+    /// Lanes for bicycles, forward and backward, in driving order.
     pub(super) bikes: [Vec<LaneIndex>; 2],
 }
 
@@ -169,7 +178,8 @@ pub(super) struct Lane {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Way {
     pub(super) junction: usize,
-    /// The arm it comes from, and that it leads to: indices into [`Junction::arms`].
+    /// The arm it comes from, and that it leads to: indices into [`Junction::arms`]. A way into or out of a roundabout has its own arm twice;
+    /// a piece of the ring that passes in front of an arm has that one twice, the piece that follows has that one and the next.
     pub(super) from: usize,
     pub(super) to: usize,
     pub(super) turn: Turn,
@@ -185,6 +195,7 @@ pub(super) enum Turn {
 /// Streets that meet.
 #[derive(Clone, Debug)]
 pub(super) struct Junction {
+    /// The town's node; where driveways meet streets and in lots, numbers after those.
     pub(super) node: usize,
     pub(super) control: Control,
     /// Counter-clockwise.

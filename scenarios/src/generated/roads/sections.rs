@@ -5,11 +5,17 @@ use super::net::NetStreet;
 
 /// Lengths (m) of sections, at even shares of all of them. With the ways through junctions, which are neither short nor long, the lanes
 /// of a map come out as real ones: half of them below 17 m, a quarter above 36 m.
-const LENGTHS: [f64; 9] = [3.5, 5.0, 6.5, 8.0, 10.0, 12.5, 16.0, 50.0, 120.0];
+const LENGTHS: [f64; 9] = [4.5, 7.0, 9.0, 11.5, 15.0, 22.0, 45.0, 85.0, 140.0];
 
 /// How far a pocket is from its stop line where it begins as a lane of its own, and how long its lane needs to get beside the others.
 const SOLID: (f64, f64) = (25.0, 48.0);
 const TAPER: (f64, f64) = (17.0, 22.0);
+
+/// So many streets of one lane each way, on which nobody changes lanes, are not cut at all.
+const WHOLE: f64 = 0.6;
+
+/// And so many of the others only before their stop lines.
+const UNCUT: f64 = 0.35;
 
 /// The cuts of a street.
 #[derive(Clone, Debug)]
@@ -24,6 +30,10 @@ impl Sections {
     pub(super) fn new(street: &NetStreet, random: &mut Pcg32) -> Self {
         let (from, to) = street.reach();
         let length = to - from;
+        let is_narrow = street.street.forward.max(street.street.backward) == 1 && !street.lot;
+        if is_narrow && street.pocket == [false; 2] && random.between(0.0, 1.0) < WHOLE {
+            return Self { cuts: vec![from, to], solid: street.stop.map(usize::from) };
+        }
         let tapers = [0, 1].map(|end| if street.pocket[end] { random.between(TAPER.0, TAPER.1) } else { 0.0 });
         let mut solids = [0, 1].map(|end| if street.stop[end] { random.between(SOLID.0, SOLID.1) } else { 0.0 });
         let room = (length - tapers[0] - tapers[1] - 4.0).max(1.0);
@@ -45,12 +55,12 @@ impl Sections {
         }
         let (first, last) = (from + solids[0] + tapers[0], to - solids[1] - tapers[1]);
         let mut at = first;
-        loop {
+        if random.between(0.0, 1.0) > UNCUT {
             at += draw(random);
-            if at > last - 4.0 {
-                break;
+            while at <= last - 4.0 {
+                cut(at);
+                at += draw(random);
             }
-            cut(at);
         }
         if tapers[1] > 0.0 {
             cut(to - solids[1] - tapers[1]);
