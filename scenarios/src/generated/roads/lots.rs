@@ -33,8 +33,8 @@ const DRIVEWAY: f64 = 16.0;
 const ENDS: f64 = 8.0;
 /// How far a driveway keeps from the ends of its street, and from other driveways.
 const CLEAR: f64 = 40.0;
-/// How far a lot's curbs keep from the middles of other streets.
-const ROOM: f64 = 16.0;
+/// How far a lot's curbs keep from the curbs of other streets.
+const ROOM: f64 = 6.0;
 /// The radius of the corners at a driveway, with what is left to people on foot.
 const OPENING: f64 = 5.0;
 
@@ -144,8 +144,10 @@ fn find_room(
     let curb = Profile::new(&net.streets[street].street, direction).curb();
     let is_free = |place: &Place| {
         let is_clear = |(index, other): (usize, &Curve)| {
-            // Its own street lies along its front.
-            let room = if index == street { 3.0 } else { ROOM };
+            let curbs = Direction::BOTH.map(|way| Profile::new(&net.streets[index].street, way).curb());
+            let widest = curbs.into_iter().fold(0.0, f64::max);
+            // Its own street lies along its front, and must not bend into it.
+            let room = widest + if index == street { 2.0 } else { ROOM };
             let count = (other.length() / 4.0).ceil().max(1.0);
             (0..=count as usize).all(|k| !place.holds(other.pose(k as f64 / count * other.length()).position(), room))
         };
