@@ -23,6 +23,19 @@ test-slow:
 ci:
     bash .ci/run
 
+# The vectors that hold `sim verify` where the authors' are missing, anew: after a change of generated scenes. Needs Python with numpy.
+paper-fixture:
+    bash sim/checks/paper_fixture.sh
+
+# The demo set's figures in README.md and docs/planner.md, anew.
+demo-figures: build
+    python3 sim/checks/demo_figures.py
+
+# All that follows from the content of generated scenes, anew: after a change of the generator.
+scenes-changed: paper-fixture demo-figures
+    INSTA_UPDATE=always cargo nextest run --workspace --locked --no-fail-fast
+    git status --short
+
 # Format.
 fmt:
     cargo fmt --all

@@ -27,8 +27,8 @@ fn features(scene: &Scene, step: usize, settings: Settings) -> network::features
     SceneFeatures::new(scene.map(), settings).at(&Window::logged(scene, step).unwrap())
 }
 
-/// The scene with every point of its map some centimetres off. Generated ones lie on a grid, where of any two distances half are
-/// equal, and what is chosen among equals may well turn with the scene.
+/// The scene with every point of its map some centimetres off. In generated ones many distances are equal, and what is chosen among equals may well
+/// turn with the scene.
 fn jittered(scene: &Scene) -> Scene {
     let mut parts = scene.clone().into_parts();
     let map = &mut parts.map;

@@ -8,6 +8,7 @@ use thiserror::Error;
 use world::scene::SceneId;
 
 use crate::content::Content;
+use crate::generated::GeneratedError;
 use crate::source::{Place, Source};
 use crate::tfrecord::{FrameError, FrameProblem, PackedError, Packing, StreamError};
 use crate::womd::WomdError;
@@ -149,7 +150,7 @@ pub enum SetError {
     #[error("there is no scene {index}: the set has {scenes}")]
     Index { index: usize, scenes: usize },
     #[error("the generated scene {id} cannot be used: {problem}")]
-    Generated { id: String, problem: WomdError },
+    Generated { id: String, problem: GeneratedError },
 }
 
 /// The files that a folder does hold, as far as they were looked at.
@@ -208,7 +209,7 @@ impl SetError {
             Self::UnknownScenes { .. } => "`scenarios list` shows the ids that are there",
             Self::NoScenes { .. } => "the files are empty: `scenarios list` shows what is in others",
             Self::Index { .. } => "count from 0",
-            Self::Generated { .. } => "take another seed, and tell us of this one: it is a fault of ours",
+            Self::Generated { .. } => "take another seed, or parameters that are less extreme",
         }
     }
 }

@@ -128,10 +128,11 @@ fn one_number_that_is_off_makes_it_fail() {
 #[test]
 fn what_cannot_be_used_is_said_with_code_2() {
     let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("set.toml"), "[[generate]]\nfamily = 'curve'\n").unwrap();
     let sim = || {
         let mut command = Command::new(env!("CARGO_BIN_EXE_sim"));
         command
-            .args(["verify", "--scenarios", "demo", "--vectors", "."])
+            .args(["verify", "--scenarios", "set.toml", "--vectors", "."])
             .current_dir(folder.path())
             .env_remove("RUST_LOG");
         let output = command.output().unwrap();
@@ -149,25 +150,25 @@ fn what_cannot_be_used_is_said_with_code_2() {
     error: . has no vectors of any of these scenes
     hint: they are named SCENE__route.npz, SCENE__human.npz, SCENE__constant-velocity.npz, SCENE__planner.npz
     ");
-    write("demo-curve__human.npz", "no zip");
+    write("curve-0-0__human.npz", "no zip");
     insta::assert_snapshot!(sim(), @"
     code Some(2)
-    error: ./demo-curve__human.npz: it is no zip archive
+    error: ./curve-0-0__human.npz: it is no zip archive
     ");
-    write_npz(&folder.path().join("demo-curve__human.npz"), &[]);
+    write_npz(&folder.path().join("curve-0-0__human.npz"), &[]);
     insta::assert_snapshot!(sim(), @"
     code Some(2)
-    error: cannot read ./demo-curve__human.json: No such file or directory (os error 2)
+    error: cannot read ./curve-0-0__human.json: No such file or directory (os error 2)
     ");
-    write("demo-curve__human.json", "{\"steps\": 3}");
+    write("curve-0-0__human.json", "{\"steps\": 3}");
     insta::assert_snapshot!(sim(), @"
     code Some(2)
-    error: ./demo-curve__human.json is not what it should be: missing field `end_reason` at line 1 column 12
+    error: ./curve-0-0__human.json is not what it should be: missing field `end_reason` at line 1 column 12
     ");
     let zero = "\"collision\": false, \"off_route\": false";
-    write("demo-curve__human.json", &format!("{{\"steps\": 3, \"end_reason\": \"horizon\", \"metrics\": {{{zero}}}}}"));
+    write("curve-0-0__human.json", &format!("{{\"steps\": 3, \"end_reason\": \"horizon\", \"metrics\": {{{zero}}}}}"));
     insta::assert_snapshot!(sim(), @"
     code Some(2)
-    error: ./demo-curve__human.npz: array av_state is missing
+    error: ./curve-0-0__human.npz: array av_state is missing
     ");
 }

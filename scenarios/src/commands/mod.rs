@@ -17,10 +17,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use scenarios::SetError;
+use scenarios::generated::GeneratedError;
 use scenarios::generated::ParameterError;
 use scenarios::picture::{NoStep, PngError};
 use thiserror::Error;
-use world::scene::SceneError;
 
 /// The exit code of an interrupted program.
 pub const INTERRUPTED: u8 = 130;
@@ -65,7 +65,7 @@ pub enum Failure {
         /// Its name.
         id: String,
         /// Why.
-        problem: SceneError,
+        problem: GeneratedError,
     },
     /// Ctrl-C.
     #[error("interrupted; the files that are there are whole")]

@@ -306,6 +306,7 @@ impl Curve {
     }
 
     /// The parallel curve, `offset` (m) to the left.
+    #[cfg(test)]
     pub(super) fn shifted(&self, offset: f64) -> Self {
         self.strip(0.0, self.length(), offset)
     }
@@ -359,6 +360,16 @@ impl Curve {
             (length + k as f64 * next.step, Sample { pose, along: sample.along })
         });
         Self::resampled(&own.chain(rest).collect::<Vec<_>>())
+    }
+
+    /// The station that is nearest to `point` (m).
+    pub(super) fn nearest(&self, point: Point) -> f64 {
+        let near = self.points().enumerate().map(|(index, sample)| (sample.distance_squared(point), index));
+        let (_, nearest) = near.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default();
+        let station = self.step() * nearest as f64;
+        let pose = self.pose(station);
+        let along = (point - pose.position()).dot(Point::unit(pose.heading));
+        (station + along.clamp(-self.step(), self.step())).clamp(0.0, self.length())
     }
 
     /// The curve as a map holds it.

@@ -10,7 +10,6 @@ use super::pcg::Pcg32;
 /// Every parameter takes one random number, in the order in which they are declared, before anything else is drawn: giving one
 /// changes nothing but what follows from it.
 #[derive(Clone, Debug)]
-#[allow(dead_code, reason = "families with parameters come next")]
 pub(super) struct Draw {
     random: Pcg32,
     /// What this stream and its sub-streams are known by.
@@ -18,7 +17,6 @@ pub(super) struct Draw {
     values: Vec<(&'static str, f64)>,
 }
 
-#[allow(dead_code, reason = "families with parameters come next")]
 impl Draw {
     /// For scene `index` of `seed`. What is given must have been checked.
     pub(super) fn new<'a>(

@@ -23,7 +23,23 @@ pub struct Parameter {
 }
 
 /// What every family has; [`Family::parameters`] come after them.
-pub const COMMON: &[Parameter] = &[];
+pub const COMMON: &[Parameter] = &[
+    Parameter { name: "traffic", about: "how dense traffic is; 1 is usual", default: [0.5, 1.5], limits: [0.0, 3.0] },
+    Parameter { name: "parked", about: "share of the bays that are taken", default: [0.3, 0.95], limits: [0.0, 1.0] },
+    Parameter { name: "people", about: "how many are on foot; 1 is usual", default: [0.0, 1.4], limits: [0.0, 5.0] },
+    Parameter {
+        name: "violators",
+        about: "share of drivers who mind neither lights nor signs",
+        default: [0.0, 0.02],
+        limits: [0.0, 1.0],
+    },
+    Parameter {
+        name: "clarity",
+        about: "how well the sensors see; 1 is usual, more loses less",
+        default: [0.8, 1.2],
+        limits: [0.2, 10.0],
+    },
+];
 
 /// Given parameters: a range for each name, in order of names. Nothing given by default.
 ///
@@ -228,7 +244,8 @@ mod tests {
             Parameter { name: "gap", about: "", default: [2.0, 4.0], limits: [1.0, 9.0] },
             Parameter { name: "speed", about: "", default: [8.0, 12.0], limits: [0.0, 30.0] },
         ],
-        compose: |_| world::scene::SceneParts::default(),
+        place: |draw| super::super::towns::winding(&[vec![]], super::super::towns::small(draw), draw),
+        act: |_| {},
     };
 
     #[test]
@@ -257,7 +274,8 @@ mod tests {
     #[test]
     fn errors_say_names_and_limits() {
         let error = |text: &str| Parameters::read(&[text]).unwrap().check(&FAMILY).unwrap_err().to_string();
-        assert_eq!(error("gab=4"), "overtaking has no parameter gab; it has gap, speed");
+        assert!(error("gab=4").ends_with("gap, speed"), "{}", error("gab=4"));
+        assert!(error("gab=4").starts_with("overtaking has no parameter gab; it has traffic, "), "{}", error("gab=4"));
         assert_eq!(error("gap=0.5..2"), "gap of overtaking is 0.5..2, but lies within 1..9");
         assert_eq!(error("gap=10"), "gap of overtaking is 10, but lies within 1..9");
         assert_eq!(error("gap=4..2"), "gap of overtaking goes from 4 down to 2; it lies within 1..9");

@@ -4,7 +4,7 @@
 //! Moment ──▶ Tile (frame: metres to pixels) ──▶ surface ▸ markings ▸ trails ▸ agents ▸ signs ▸ caption ──▶ Canvas (SVG) ──▶ PNG
 //! ```
 //!
-//! There is one drawing, and it is SVG: a PNG is that SVG seen by [`resvg`]. The SVG has no text, only outlines of letters ([`text`]), so it
+//! There is one drawing, and it is SVG: a PNG is that SVG seen by [`resvg`]. The SVG has no text, only outlines of letters (`text`), so it
 //! looks alike wherever it is opened; and the same scene gives the same bytes on every machine.
 
 mod agents;

@@ -27,8 +27,7 @@ impl SceneEntry {
             Source::File(place) => Ok(read_at(place, take)?),
             Source::Generated { family, seed, index, parameters } => family
                 .payload(self.id.as_str(), *seed, *index, parameters)
-                .map_err(WomdError::from)
-                .and_then(|payload| take(&payload))
+                .and_then(|payload| Ok(take(&payload)?))
                 .map_err(|problem| SetError::Generated { id: self.id.to_string(), problem }),
         }
     }

@@ -10,9 +10,9 @@ use super::entry::SceneEntry;
 use super::file::Generate;
 use super::scan;
 use crate::error::SetError;
+use crate::generated::GeneratedError;
 use crate::generated::{ALL, FAMILIES, Family, Parameters};
 use crate::source::Source;
-use crate::womd::WomdError;
 
 /// A scene that is to be made: its family, its name, its number.
 type Wished = (&'static Family, String, u32);
@@ -58,7 +58,7 @@ fn make(
 }
 
 fn entry((family, id, index): Wished, seed: u64, parameters: &Arc<Parameters>) -> Result<SceneEntry, SetError> {
-    let make = || -> Result<_, WomdError> {
+    let make = || -> Result<_, GeneratedError> {
         let payload = family.payload(&id, seed, index, parameters)?;
         Ok((SceneId::new(id.as_str())?, scan::sha256(&payload)))
     };

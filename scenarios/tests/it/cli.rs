@@ -4,6 +4,9 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use insta::assert_snapshot;
+use scenarios::generated::{FAMILIES, Family};
+
+use crate::road;
 
 /// Runs `scenarios` in `folder`: its output, its errors and its exit code, as a person would see them.
 pub(crate) fn run_in(folder: &Path, arguments: &[&str]) -> String {
@@ -20,48 +23,75 @@ fn run(arguments: &[&str]) -> String {
     run_in(tempfile::tempdir().unwrap().path(), arguments)
 }
 
+/// Writes `road.tfrecord`, whose scenes are no generator's: `clean`, in which there is nothing to find, and `crash`, in which the AV drives over
+/// what stands on the road.
+fn write_road(folder: &Path) {
+    let mut crash = road::scene("crash");
+    let mut stands = crash.tracks[crash.av_index].states[40];
+    stands.as_mut().unwrap().length = 4.0;
+    crash.tracks[0].states = vec![stands; road::STEPS];
+    crash.map.lanes.iter_mut().for_each(|lane| lane.speed_limit_mph = 0.0);
+    let mut file = Vec::new();
+    for parts in [road::scene("clean"), crash] {
+        let (scene, _) = parts.check().unwrap();
+        scenarios::tfrecord::append_record(&mut file, &scenarios::womd::write(&scene));
+    }
+    std::fs::write(folder.join("road.tfrecord"), file).unwrap();
+}
+
+fn run_on_road(arguments: &[&str]) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    write_road(folder.path());
+    run_in(folder.path(), arguments)
+}
+
 #[test]
 fn list() {
-    assert_snapshot!(run(&["list"]));
+    assert_snapshot!(run_on_road(&["list", "road.tfrecord"]));
+}
+
+#[test]
+fn the_demo_set_is_listed_and_there_is_nothing_wrong_with_it() {
+    let list = run(&["list"]);
+    let rows: Vec<&str> = list.lines().filter(|line| line.starts_with("demo-")).collect();
+    assert_eq!(rows.len(), FAMILIES.len(), "{list}");
+    for (row, Family { name, .. }) in rows.iter().zip(FAMILIES) {
+        assert!(row.starts_with(&format!("demo-{name} ")), "{row}");
+        assert!(row.ends_with(&format!("  0  generated {name}, seed 0, scene 0")), "no errors: {row}");
+    }
+    assert!(list.ends_with("--- exit 0\n"), "{list}");
+    let lint = run(&["lint", "--at-least", "error"]);
+    assert!(lint.contains(&format!("{} scenes: no errors", FAMILIES.len())), "{lint}");
+    assert!(lint.ends_with("--- exit 0\n"), "{lint}");
 }
 
 #[test]
 fn inspect() {
-    assert_snapshot!(run(&["inspect", "demo", "--scene", "demo-red-light", "--scene", "demo-crossing"]));
+    assert_snapshot!(run_on_road(&["inspect", "road.tfrecord"]));
 }
 
 #[test]
-fn lint_of_clean_scenes() {
-    assert_snapshot!(run(&["lint"]));
+fn a_generated_scene_says_what_it_was_made_of() {
+    let said = run(&["inspect", "demo", "--scene", "demo-red-light", "--scene", "demo-crosswalk"]);
+    let lines: Vec<&str> = said.lines().collect();
+    assert_eq!(lines[1..3], ["demo-red-light", "  from      generated red-light, seed 0, scene 0"], "{said}");
+    assert!(lines.contains(&"  from      generated crosswalk, seed 0, scene 0"), "{said}");
 }
 
 #[test]
-fn lint_of_a_log_that_collides_with_what_is_on_the_road() {
-    let folder = tempfile::tempdir().unwrap();
-    let payload =
-        scenarios::generated::Family::named("following").unwrap().payload("crash", 0, 0, &Default::default()).unwrap();
-    let (scene, _) = scenarios::womd::read(&payload).unwrap();
-    let mut parts = scene.into_parts();
-    let mut stopped = parts.tracks[parts.av_index].states[60];
-    stopped.as_mut().unwrap().length = 4.0;
-    parts.tracks[0].states = vec![stopped; 200];
-    parts.tracks[1].states[50].as_mut().unwrap().x += 30.0;
-    parts.map.lanes.iter_mut().for_each(|lane| lane.speed_limit_mph = 0.0);
-    let (scene, _) = parts.check().unwrap();
-    let mut file = Vec::new();
-    scenarios::tfrecord::append_record(&mut file, &scenarios::womd::write(&scene));
-    std::fs::write(folder.path().join("crash.tfrecord"), file).unwrap();
-    assert_snapshot!(run_in(folder.path(), &["lint", "crash.tfrecord"]));
+fn lint() {
+    assert_snapshot!(run_on_road(&["lint", "road.tfrecord"]));
+}
+
+#[test]
+fn lint_of_a_clean_scene() {
+    assert_snapshot!(run_on_road(&["lint", "road.tfrecord", "--scene", "clean"]));
 }
 
 #[test]
 fn lint_of_a_scene_that_cannot_be_judged_exits_with_1() {
     let folder = tempfile::tempdir().unwrap();
-    let payload =
-        scenarios::generated::Family::named("curve").unwrap().payload("nowhere", 0, 0, &Default::default()).unwrap();
-    let (scene, _) = scenarios::womd::read(&payload).unwrap();
-    let mut parts = scene.into_parts();
-    parts.map = world::map::Map::default();
+    let parts = world::scene::SceneParts { map: world::map::Map::default(), ..road::scene("nowhere") };
     let (scene, _) = parts.check().unwrap();
     let mut file = Vec::new();
     scenarios::tfrecord::append_record(&mut file, &scenarios::womd::write(&scene));
@@ -72,8 +102,9 @@ fn lint_of_a_scene_that_cannot_be_judged_exits_with_1() {
 #[test]
 fn export_and_list_again() {
     let folder = tempfile::tempdir().unwrap();
-    let first = run_in(folder.path(), &["export", "demo", "--out", "scenes"]);
-    let again = run_in(folder.path(), &["export", "demo", "--out", "scenes"]);
+    write_road(folder.path());
+    let first = run_in(folder.path(), &["export", "road.tfrecord", "--out", "scenes"]);
+    let again = run_in(folder.path(), &["export", "road.tfrecord", "--out", "scenes"]);
     let list = run_in(folder.path(), &["list", "scenes"]);
     assert_snapshot!([first, again, list].concat());
 }
@@ -103,7 +134,9 @@ fn errors_say_what_to_do() {
 
 #[test]
 fn an_unknown_scene_and_wrong_usage() {
-    assert_snapshot!([run(&["list", "--scene", "demo-roundabout"]), run(&["lint", "--at-least", "much"])].concat());
+    assert_snapshot!(
+        [run(&["list", "--scene", "demo-spaghetti-junction"]), run(&["lint", "--at-least", "much"])].concat()
+    );
 }
 
 #[test]

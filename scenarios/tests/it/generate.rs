@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use insta::assert_snapshot;
 use scenarios::SceneSet;
+use scenarios::generated::{COMMON, FAMILIES, Parameter};
 
 use crate::cli::run_in;
 
@@ -139,11 +140,27 @@ fn wrong_usage_says_what_to_do() {
 fn every_family_is_listed_and_shown() {
     let folder = tempfile::tempdir().unwrap();
     let list = run_in(folder.path(), &["families"]);
-    for family in scenarios::generated::FAMILIES {
+    for family in FAMILIES {
         assert!(list.lines().any(|line| line.starts_with(family.name) && line.ends_with(family.about)), "{list}");
         let shown = run_in(folder.path(), &["families", family.name]);
         assert!(shown.contains(family.about) && shown.ends_with("--- exit 0\n"), "{shown}");
         assert!(family.all_parameters().all(|parameter| shown.contains(parameter.about)), "{shown}");
+    }
+}
+
+#[test]
+fn the_docs_tell_of_every_family_and_parameter() {
+    let page = include_str!("../../../docs/scenes.md");
+    let names = |parameters: &[Parameter]| {
+        parameters.iter().map(|parameter| format!("`{}`", parameter.name)).collect::<Vec<_>>().join(", ")
+    };
+    for family in FAMILIES {
+        let row = format!("| `{}` | {} | {} |", family.name, family.about, names(family.parameters));
+        assert!(page.contains(&row), "docs/scenes.md lacks\n{row}");
+    }
+    for Parameter { name, about, .. } in COMMON {
+        let row = format!("| `{name}` | {about} |");
+        assert!(page.contains(&row), "docs/scenes.md lacks\n{row}");
     }
 }
 

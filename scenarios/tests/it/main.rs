@@ -9,6 +9,8 @@ mod identity;
 mod packed;
 mod real;
 mod render;
+#[path = "../../src/lint/tests/road.rs"]
+mod road;
 mod sets;
 mod stats;
 

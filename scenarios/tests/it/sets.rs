@@ -209,7 +209,7 @@ fn what_an_exported_file_holds_is_what_is_driven() {
     for (index, entry) in demo.entries().iter().enumerate() {
         let mut file = Vec::new();
         tfrecord::append_record(&mut file, &demo.payload(index).unwrap());
-        fs::write(folder.path().join(format!("{index}-{}.tfrecord", entry.id)), file).unwrap();
+        fs::write(folder.path().join(format!("{index:03}-{}.tfrecord", entry.id)), file).unwrap();
     }
     let files = open(folder.path(), &[""]).unwrap();
     for index in 0..demo.entries().len() {
@@ -221,7 +221,8 @@ fn what_an_exported_file_holds_is_what_is_driven() {
 #[test]
 fn a_set_loads_from_many_threads() {
     let folder = folder();
-    let set = Arc::new(open(folder.path(), &["", "demo"]).unwrap());
+    fs::write(folder.path().join("set.toml"), "[[generate]]\nfamily = 'cut-in'\ncount = 3").unwrap();
+    let set = Arc::new(open(folder.path(), &["", "set.toml"]).unwrap());
     let alone: Vec<_> = (0..set.entries().len()).map(|index| set.load(index).unwrap()).collect();
     let threads: Vec<_> = (0..4)
         .map(|_| {

@@ -119,7 +119,7 @@ mod tests {
     use std::cell::Cell;
     use std::sync::Arc;
 
-    use scenarios::SceneSet;
+    use scenarios::generated::{Family, Parameters};
     use wire::proto::EndReason;
     use world::plan::{Control, PLAN_STEPS, PlanState, UncheckedPlan};
 
@@ -189,8 +189,9 @@ mod tests {
     }
 
     fn episode() -> Episode {
-        let (scene, _) = SceneSet::open(&[]).unwrap().load(0).unwrap();
-        Episode::new(Arc::clone(&scene), &Protocol::default()).unwrap()
+        let payload = Family::named("curve").unwrap().payload("curve", 1, 0, &Parameters::default()).unwrap();
+        let (scene, _) = scenarios::womd::read(&payload).unwrap();
+        Episode::new(Arc::new(scene), &Protocol::default()).unwrap()
     }
 
     #[test]

@@ -17,19 +17,22 @@ pub const PATIENCE: Duration = Duration::from_secs(120);
 /// In the environment of everything that a stage starts, and of what that starts: whose process it is.
 const MARK: &str = "RELOOP_TEST_STAGE";
 
-/// A small scene set: three kinds of scenes, drives that end soon and late.
+/// A small scene set: three kinds of scenes, drives that end soon and late, and little traffic, for what is tested is not driving.
 const SMALL_SET: &str = r#"
 [[generate]]
 family = "following"
 seed = 3
+parameters = { traffic = 0.2, parked = 0.1, people = 0.5 }
 
 [[generate]]
 family = "curve"
 seed = 3
+parameters = { traffic = 0.2, parked = 0.1, people = 0.5 }
 
 [[generate]]
 family = "red-light"
 seed = 3
+parameters = { traffic = 0.2, parked = 0.1, people = 0.5 }
 "#;
 
 /// A program of the workspace, as it was built with this test.

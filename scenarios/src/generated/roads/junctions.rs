@@ -164,7 +164,9 @@ fn finish(builder: &mut Builder, index: usize, node: &NetNode, places: &[Place<'
         let street = &place.street().street;
         let lanes = (through.entering[arm].as_slice(), through.leaving[arm].as_slice());
         let crosses = street.walks && node.has_crosswalks(places.len());
-        let crossing = if crosses { lay_crosswalk(builder, place, (junction, arm), lanes) } else { None };
+        if crosses {
+            lay_crosswalk(builder, place, (junction, arm), lanes);
+        }
         let signed = match node.control {
             Control::AllWayStop => true,
             Control::MinorStop => !street.major,
@@ -179,8 +181,6 @@ fn finish(builder: &mut Builder, index: usize, node: &NetNode, places: &[Place<'
             heading: place.arm.heading,
             major: street.major,
             inbound: place.inbound.iter().copied().chain(place.bike_in).collect(),
-            outbound: place.outbound.iter().copied().chain(place.bike_out).collect(),
-            crossing,
         });
     }
     let conflicts = conflicts(&builder.roads.lanes, &through.all);

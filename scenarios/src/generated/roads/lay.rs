@@ -43,8 +43,7 @@ fn laid(roads: &Roads, net: &Net, street: usize, sides: &[[Side; 2]]) -> Laid {
         let count = sides[street][way].slots.len();
         (0..count).map(|slot| chain(way, &|side| side.slots.get(slot).cloned().unwrap_or_default())).collect()
     };
-    let bikes = [0, 1].map(|way| chain(way, &|side| side.bikes.clone()));
-    Laid { forward: slots(0), backward: slots(1), bikes }
+    Laid { forward: slots(0), backward: slots(1) }
 }
 
 /// Lanes of one slot in driving order, with the ways across driveways between them.

@@ -34,7 +34,6 @@ mod walks;
 use world::geometry::{Point, Point3, Pose};
 use world::map::{Map, MapId};
 
-#[allow(unused_imports, reason = "the families that use it are on their way")]
 pub(super) use lay::lay;
 
 use super::curve::{Curve, Piece};
@@ -147,8 +146,6 @@ pub(super) struct Roads {
 pub(super) struct Laid {
     pub(super) forward: Vec<Vec<LaneIndex>>,
     pub(super) backward: Vec<Vec<LaneIndex>>,
-    /// Lanes for bicycles, forward and backward, in driving order.
-    pub(super) bikes: [Vec<LaneIndex>; 2],
 }
 
 /// A lane that traffic moves on: a section of a street, or a way through a junction.
@@ -214,10 +211,6 @@ pub(super) struct Arm {
     pub(super) major: bool,
     /// The lanes that end at its stop line.
     pub(super) inbound: Vec<LaneIndex>,
-    /// The lanes that begin behind it.
-    pub(super) outbound: Vec<LaneIndex>,
-    /// The crosswalk over it.
-    pub(super) crossing: Option<usize>,
 }
 
 /// Two ways of a junction that come from different lanes and, between these stations, lie less than a vehicle's width and a bit (2.8 m) apart.

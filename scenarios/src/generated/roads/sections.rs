@@ -5,17 +5,17 @@ use super::net::NetStreet;
 
 /// Lengths (m) of sections, at even shares of all of them. With the ways through junctions, which are neither short nor long, the lanes
 /// of a map come out as real ones: half of them below 17 m, a quarter above 36 m.
-const LENGTHS: [f64; 9] = [4.5, 7.0, 9.0, 11.5, 15.0, 22.0, 45.0, 85.0, 140.0];
+const LENGTHS: [f64; 9] = [4.5, 6.5, 8.0, 10.0, 13.0, 18.0, 36.0, 75.0, 140.0];
 
 /// How far a pocket is from its stop line where it begins as a lane of its own, and how long its lane needs to get beside the others.
 const SOLID: (f64, f64) = (25.0, 48.0);
 const TAPER: (f64, f64) = (17.0, 22.0);
 
 /// So many streets of one lane each way, on which nobody changes lanes, are not cut at all.
-const WHOLE: f64 = 0.6;
+const WHOLE: f64 = 0.25;
 
 /// And so many of the others only before their stop lines.
-const UNCUT: f64 = 0.35;
+const UNCUT: f64 = 0.1;
 
 /// The cuts of a street.
 #[derive(Clone, Debug)]
