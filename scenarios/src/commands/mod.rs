@@ -124,7 +124,7 @@ impl Failure {
             Self::OtherSettings { .. } => "give another folder, or --force to remove its shards and start anew",
             Self::BadSettings { .. } => "give another folder, or --force to start anew",
             Self::Busy(_) => "wait for it, or give another folder",
-            Self::Scene { .. } => "take another seed, and tell us of this one: it is a fault of ours",
+            Self::Scene { .. } => "take another seed, or parameters that are less extreme",
             Self::Interrupted => "the same command goes on from there",
             Self::Output(_) => "see that there is room where the output goes",
             Self::Exists(_) => "give another folder, or --force to replace it",

@@ -70,6 +70,18 @@ fn av_on_the_avenue(stage: &mut Stage<'_>, slot: usize) -> f64 {
     speed
 }
 
+/// The AV behind a vehicle that slows down at some step within `from`, for a number of steps within `lasts`.
+fn follow(stage: &mut Stage<'_>, from: [f64; 2], lasts: [f64; 2], braking: impl FnOnce(&mut Draw) -> f64) {
+    let slot = stage.draw.below(stage.slots(0, Side::Forward));
+    let speed = av_on_the_avenue(stage, slot);
+    let gap = 2.0 + stage.draw.parameter("headway") * speed;
+    let Some(leader) = stage.vehicle_ahead(gap, speed, &[]) else { return };
+    let from = stage.draw.between(from[0], from[1]) as i32;
+    let until = from + stage.draw.between(lasts[0], lasts[1]) as i32;
+    let (speed, braking) = (stage.draw.parameter("down_to"), braking(&mut stage.draw));
+    stage.traffic.vehicles[leader].script = Script::Slow { from, until, speed, braking };
+}
+
 pub(super) const FOLLOWING: Family = Family {
     name: "following",
     about: "the vehicle ahead slows down, and goes on",
@@ -89,16 +101,7 @@ pub(super) const FOLLOWING: Family = Family {
     ],
     place: avenue,
     act: |stage| {
-        let slot = stage.draw.below(stage.slots(0, Side::Forward));
-        let speed = av_on_the_avenue(stage, slot);
-        let Some(leader) = stage.vehicle_ahead(2.0 + stage.draw.parameter("headway") * speed, speed, &[]) else {
-            return;
-        };
-        let from = stage.draw.between(25.0, 90.0) as i32;
-        let until = from + stage.draw.between(30.0, 70.0) as i32;
-        let braking = stage.draw.between(1.5, 3.0);
-        stage.traffic.vehicles[leader].script =
-            Script::Slow { from, until, speed: stage.draw.parameter("down_to"), braking };
+        follow(stage, [25.0, 90.0], [30.0, 70.0], |draw| draw.between(1.5, 3.0));
     },
 };
 
@@ -122,15 +125,7 @@ pub(super) const HARD_BRAKING: Family = Family {
     ],
     place: avenue,
     act: |stage| {
-        let slot = stage.draw.below(stage.slots(0, Side::Forward));
-        let speed = av_on_the_avenue(stage, slot);
-        let Some(leader) = stage.vehicle_ahead(2.0 + stage.draw.parameter("headway") * speed, speed, &[]) else {
-            return;
-        };
-        let from = stage.draw.between(28.0, 100.0) as i32;
-        let until = from + stage.draw.between(25.0, 60.0) as i32;
-        let (speed, braking) = (stage.draw.parameter("down_to"), stage.draw.parameter("braking"));
-        stage.traffic.vehicles[leader].script = Script::Slow { from, until, speed, braking };
+        follow(stage, [28.0, 100.0], [25.0, 60.0], |draw| draw.parameter("braking"));
     },
 };
 

@@ -237,7 +237,7 @@ impl<'r> Traffic<'r> {
             }
         }
         for me in 0..self.vehicles.len() {
-            if self.vehicles[me].present && self.vehicles[me].script != Script::Parked {
+            if self.vehicles[me].present {
                 let wish = self.wish(me);
                 let vehicle = &mut self.vehicles[me];
                 vehicle.acceleration =
@@ -246,7 +246,7 @@ impl<'r> Traffic<'r> {
         }
         for me in 0..self.vehicles.len() {
             let vehicle = &mut self.vehicles[me];
-            if !vehicle.present || matches!(vehicle.script, Script::Parked | Script::PullOut { .. }) {
+            if !vehicle.present || matches!(vehicle.script, Script::PullOut { .. }) {
                 continue;
             }
             vehicle.advance(self.roads);

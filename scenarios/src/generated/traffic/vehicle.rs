@@ -34,8 +34,6 @@ pub(in crate::generated) struct Vehicle {
     pub(super) granted: usize,
     /// The step at which it came to rest at a stop line, until it goes.
     pub(super) stopped: Option<i32>,
-    /// Steps for which it has stood.
-    pub(super) standing: u32,
     /// Way driven (m), for its wandering.
     pub(super) driven: f64,
     /// Step of its last lane change.
@@ -58,8 +56,6 @@ pub(in crate::generated) enum Script {
     CutIn { left: bool, gap: f64, latest: i32, then: f64 },
     /// Stands at the curb, and pulls out when the AV's front comes within `gap` (m).
     PullOut { gap: f64 },
-    /// Stays where it is.
-    Parked,
 }
 
 /// Where somebody is across the lane.
@@ -109,7 +105,6 @@ impl Vehicle {
             mind: Mind::default(),
             granted: 0,
             stopped: None,
-            standing: 0,
             driven: 37.0 * station, // anything, as long as it differs
             changed: i32::MIN / 2,
             across: (0.0, 0.0),
@@ -156,7 +151,6 @@ impl Vehicle {
         self.driven += way;
         self.lateral.advance(way, self.speed);
         self.settle();
-        self.standing = if self.speed < 0.1 { self.standing + 1 } else { 0 };
         while self.station > roads.lanes[self.lane()].course.length() {
             if self.at + 1 == self.route.lanes.len() {
                 self.present = false;
