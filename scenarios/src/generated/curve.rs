@@ -87,18 +87,42 @@ impl Sample {
     /// Between this sample and one that is `distance` further, at the share `t`, by cubics; `slopes` are how much the heading turns
     /// in one step before and after.
     fn between(&self, next: &Self, distance: f64, slopes: (f64, f64), t: f64) -> Self {
+        let pose = self.pose_between(next, distance, slopes, t);
         let (a, b) = (self.pose.position(), next.pose.position());
-        let (t2, t3) = (t * t, t * t * t);
-        let (h10, h01, h11) = (t3 - 2.0 * t2 + t, 3.0 * t2 - 2.0 * t3, t3 - t2);
-        let at = a + (b - a) * h01 + (self.along * h10 + next.along * h11) * distance;
+        let t2 = t * t;
         let (d10, d01, d11) = (3.0 * t2 - 4.0 * t + 1.0, 6.0 * (t - t2), 3.0 * t2 - 2.0 * t);
         let along = (b - a) * d01 + (self.along * d10 + next.along * d11) * distance;
-        let turned = next.pose.heading - self.pose.heading;
-        let heading = self.pose.heading + turned * h01 + slopes.0 * h10 + slopes.1 * h11;
         let norm = along.norm();
         let along = if norm > 1e-9 { along * (1.0 / norm) } else { self.along };
-        Self { pose: Pose::new(at.x, at.y, heading), along }
+        Self { pose, along }
     }
+
+    /// The pose of [`Sample::between`] alone.
+    fn pose_between(&self, next: &Self, distance: f64, slopes: (f64, f64), t: f64) -> Pose {
+        let (a, b) = (self.pose.position(), next.pose.position());
+        let [h10, h01, h11] = hermite(t);
+        let at = a + (b - a) * h01 + (self.along * h10 + next.along * h11) * distance;
+        Pose::new(at.x, at.y, self.heading_between(next, slopes, t))
+    }
+
+    /// The heading of [`Sample::between`] alone.
+    fn heading_between(&self, next: &Self, slopes: (f64, f64), t: f64) -> f64 {
+        let [h10, h01, h11] = hermite(t);
+        let turned = next.pose.heading - self.pose.heading;
+        self.pose.heading + turned * h01 + slopes.0 * h10 + slopes.1 * h11
+    }
+}
+
+/// Hermite's cubics at the share `t` of a stretch: the weights of the slope at its start, of the step, and of the slope at its end.
+fn hermite(t: f64) -> [f64; 3] {
+    let (t2, t3) = (t * t, t * t * t);
+    [t3 - 2.0 * t2 + t, 3.0 * t2 - 2.0 * t3, t3 - t2]
+}
+
+/// Where a station lies: a share of a step after a sample, or beyond the sample at an end by so many metres.
+enum At {
+    Within { index: usize, share: f64 },
+    Beyond { end: usize, by: f64 },
 }
 
 /// A curve with stations along it; headings run on without wrapping.
@@ -252,27 +276,57 @@ impl Curve {
         self.samples.iter().map(|sample| sample.pose.position())
     }
 
-    fn sample(&self, station: f64) -> Sample {
+    /// Where `station` lies among the samples.
+    fn at(&self, station: f64) -> At {
         let last = self.samples.len() - 1;
         if station <= 0.0 || self.step <= 0.0 {
-            return self.samples[0].ahead(station);
+            return At::Beyond { end: 0, by: station };
         }
         let share = station / self.step;
         // Beyond what a number of samples can be, it is beyond the end as well.
         let index = share as usize;
         if index >= last {
-            return self.samples[last].ahead(station - self.length());
+            return At::Beyond { end: last, by: station - self.length() };
         }
-        let (a, b) = (&self.samples[index], &self.samples[index + 1]);
-        let turned = b.pose.heading - a.pose.heading;
-        let before = if index == 0 { turned } else { 0.5 * (b.pose.heading - self.samples[index - 1].pose.heading) };
-        let after = self.samples.get(index + 2).map_or(turned, |next| 0.5 * (next.pose.heading - a.pose.heading));
-        a.between(b, self.step, (before, after), share - index as f64)
+        At::Within { index, share: share - index as f64 }
+    }
+
+    /// How much the heading turns in one step, before and after the stretch that begins at a sample.
+    fn slopes(&self, index: usize) -> (f64, f64) {
+        let heading = |index: usize| self.samples[index].pose.heading;
+        let turned = heading(index + 1) - heading(index);
+        let before = if index == 0 { turned } else { 0.5 * (heading(index + 1) - heading(index - 1)) };
+        let after = if index + 2 < self.samples.len() { 0.5 * (heading(index + 2) - heading(index)) } else { turned };
+        (before, after)
+    }
+
+    fn sample(&self, station: f64) -> Sample {
+        match self.at(station) {
+            At::Beyond { end, by } => self.samples[end].ahead(by),
+            At::Within { index, share } => {
+                self.samples[index].between(&self.samples[index + 1], self.step, self.slopes(index), share)
+            }
+        }
+    }
+
+    /// The heading at `station`.
+    fn heading(&self, station: f64) -> f64 {
+        match self.at(station) {
+            At::Beyond { end, .. } => self.samples[end].pose.heading,
+            At::Within { index, share } => {
+                self.samples[index].heading_between(&self.samples[index + 1], self.slopes(index), share)
+            }
+        }
     }
 
     /// The pose at `station`; before and after the curve straight on.
     pub(super) fn pose(&self, station: f64) -> Pose {
-        self.sample(station).pose
+        match self.at(station) {
+            At::Beyond { end, by } => self.samples[end].ahead(by).pose,
+            At::Within { index, share } => {
+                self.samples[index].pose_between(&self.samples[index + 1], self.step, self.slopes(index), share)
+            }
+        }
     }
 
     /// The point `left` (m) to the left of the curve at `station`.
@@ -283,7 +337,13 @@ impl Curve {
     /// Curvature at `station` (1/m), over two metres.
     pub(super) fn curvature(&self, station: f64) -> f64 {
         let (from, to) = ((station - 1.0).max(0.0), (station + 1.0).min(self.length()));
-        if to <= from { 0.0 } else { (self.pose(to).heading - self.pose(from).heading) / (to - from) }
+        if to <= from { 0.0 } else { (self.heading(to) - self.heading(from)) / (to - from) }
+    }
+
+    /// A bound of the curvature (1/m): between two samples the cubics bend by no more than four times what leads from the one to the other.
+    pub(super) fn sharpest(&self) -> f64 {
+        let turned = self.samples.windows(2).map(|pair| (pair[1].pose.heading - pair[0].pose.heading).abs());
+        4.0 * turned.fold(0.0, f64::max) / self.step.max(1e-9)
     }
 
     /// The curve `offset(station)` to the left of this one.

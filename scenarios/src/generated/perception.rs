@@ -14,14 +14,22 @@ pub(super) struct Actor {
     pub(super) kind: AgentKind,
     /// Length, width, height (m).
     pub(super) size: [f64; 3],
+    /// At each step; one for all of them for whoever is parked.
     pub(super) poses: Vec<Option<Pose>>,
     /// A part of what the scene is about: never lost for long.
     pub(super) matters: bool,
     pub(super) violator: bool,
 }
 
+impl Actor {
+    fn pose(&self, step: usize) -> Option<Pose> {
+        *self.poses.get(step).or(self.poses.last())?
+    }
+}
+
 /// Sight is worked out at every so many steps.
 const STRIDE: usize = 4;
+const STRIDES: usize = STEPS.div_ceil(STRIDE);
 /// How much the AV's own place (m) and heading (rad) tremble: such that jerk and lateral acceleration by plain differences are near those of real logs.
 const AV_PLACE: f64 = 0.000_3;
 const AV_HEADING: f64 = 0.000_7;
@@ -48,7 +56,7 @@ pub(super) fn perceive(
     let mut tracks = Vec::new();
     let mut violators = Vec::new();
     for (index, actor) in actors.iter().enumerate() {
-        let seen = sight.steps(index, actor, clarity, draw);
+        let Some(seen) = sight.steps(index, actor, clarity, draw) else { continue };
         let mut from = 0;
         while let Some(first) = (from..STEPS).find(|step| seen[*step]) {
             // On to where it is lost for good.
@@ -125,12 +133,11 @@ impl Beside {
     }
 }
 
-/// Who is in sight at every fourth step.
+/// Who is in sight at every fourth step: for each actor a bit for each of the [`STRIDES`].
 struct Sight {
-    /// `[stride][actor]`.
-    seen: Vec<Vec<bool>>,
+    seen: Vec<u64>,
     /// Near the AV's way.
-    sure: Vec<Vec<bool>>,
+    sure: Vec<u64>,
 }
 
 impl Sight {
@@ -146,83 +153,76 @@ impl Sight {
         // How well each is seen past others: a tall one always, a low one seldom.
         let peeps: Vec<f64> =
             actors.iter().map(|actor| draw.between(0.0, 0.6) * clarity + 0.4 * (actor.size[2] - 1.6)).collect();
-        let strides = STEPS.div_ceil(STRIDE);
-        let (mut seen, mut sure) = (Vec::with_capacity(strides), Vec::with_capacity(strides));
         let on_the_way = Beside::new(way, NEAR_WAY);
-        let mut around: Vec<(usize, f64, f64, f64)> = Vec::new();
-        for stride in 0..strides {
-            let step = stride * STRIDE;
-            let (mut row, mut safe) = (vec![false; actors.len()], vec![false; actors.len()]);
-            let Some(here) = av.poses[step] else {
-                seen.push(row);
-                sure.push(safe);
-                continue;
-            };
+        let mut present = vec![Vec::new(); STRIDES];
+        for (index, actor) in actors.iter().enumerate() {
+            for (stride, row) in present.iter_mut().enumerate() {
+                row.extend(actor.pose(stride * STRIDE).map(|pose| (index, pose.position())));
+            }
+        }
+        let (mut seen, mut sure) = (vec![0; actors.len()], vec![0; actors.len()]);
+        let mut around: Vec<(usize, Point, f64, f64, f64)> = Vec::new();
+        for (stride, row) in present.iter().enumerate() {
+            let Some(here) = av.pose(stride * STRIDE) else { continue };
             around.clear();
-            for (index, actor) in actors.iter().enumerate() {
-                let Some(pose) = actor.poses[step] else { continue };
-                let away = pose.position() - here.position();
+            for (index, at) in row {
+                let away = *at - here.position();
                 let distance = away.norm();
-                if distance < range[index].max(NEAR) {
+                if distance < range[*index].max(NEAR) {
                     let bearing = libm::atan2(away.y, away.x);
-                    around.push((index, distance, bearing, 0.42 * actor.size[0] / distance.max(2.0)));
+                    around.push((*index, *at, distance, bearing, 0.42 * actors[*index].size[0] / distance.max(2.0)));
                 }
             }
-            around.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
-            for (place, (index, distance, bearing, _)) in around.iter().enumerate() {
-                let actor = &actors[*index];
-                let at = actor.poses[step].map_or(Point::default(), |pose| pose.position());
-                let near_way = *distance < NEAR && on_the_way.holds(at);
-                safe[*index] = near_way || actor.matters;
-                let hidden = peeps[*index] < 0.6
-                    && around[..place].iter().any(|(other, nearer, direction, half)| {
-                        let turned = (direction - bearing).abs();
-                        let turned = turned.min(std::f64::consts::TAU - turned);
-                        nearer + 3.0 < *distance
-                            && actors[*other].size[2] > 1.4
-                            && turned < *half * (1.0 - peeps[*index])
-                    });
-                row[*index] = safe[*index] && *distance < 1.15 * NEAR || *distance < range[*index] && !hidden;
+            around.sort_by(|a, b| a.2.total_cmp(&b.2).then(a.0.cmp(&b.0)));
+            for (place, (index, at, distance, bearing, _)) in around.iter().enumerate() {
+                let is_safe = *distance < NEAR && on_the_way.holds(*at) || actors[*index].matters;
+                let is_hidden = || {
+                    peeps[*index] < 0.6
+                        && around[..place].iter().any(|(other, _, nearer, direction, half)| {
+                            let turned = (direction - bearing).abs();
+                            let turned = turned.min(std::f64::consts::TAU - turned);
+                            nearer + 3.0 < *distance
+                                && actors[*other].size[2] > 1.4
+                                && turned < *half * (1.0 - peeps[*index])
+                        })
+                };
+                let is_seen = is_safe && *distance < 1.15 * NEAR || *distance < range[*index] && !is_hidden();
+                sure[*index] |= u64::from(is_safe) << stride;
+                seen[*index] |= u64::from(is_seen) << stride;
             }
-            seen.push(row);
-            sure.push(safe);
         }
-        // Nobody vanishes as soon as it is out of the way.
-        let spread = |row: &[Vec<bool>], stride: usize, actor: usize| {
-            (stride.saturating_sub(AROUND)..(stride + AROUND + 1).min(row.len())).any(|near| row[near][actor])
-        };
-        let sure: Vec<Vec<bool>> = (0..sure.len())
-            .map(|stride| (0..actors.len()).map(|actor| spread(&sure, stride, actor)).collect())
-            .collect();
-        for (row, sure) in seen.iter_mut().zip(&sure) {
-            row.iter_mut().zip(sure).for_each(|(seen, sure)| *seen |= sure);
+        for (seen, sure) in seen.iter_mut().zip(&mut sure) {
+            // Nobody vanishes as soon as it is out of the way.
+            *sure =
+                (0..=AROUND).fold(0, |near, strides| near | *sure << strides | *sure >> strides) & ((1 << STRIDES) - 1);
+            *seen |= *sure;
         }
         Self { seen, sure }
     }
 
-    /// The steps at which the log holds the actor.
-    fn steps(&self, index: usize, actor: &Actor, clarity: f64, draw: &mut Draw) -> [bool; STEPS] {
+    /// The steps at which the log holds the actor; `None` if it is never in sight.
+    fn steps(&self, index: usize, actor: &Actor, clarity: f64, draw: &mut Draw) -> Option<[bool; STEPS]> {
         let mut steps = [false; STEPS];
-        let mut lost_until = 0;
+        let (seen, sure) = (self.seen[index], self.sure[index]);
         // Sight changes a step or two earlier or later than at the strides.
         let shift = draw.below(STRIDE);
         let hazard = 0.006 / clarity.max(0.05);
-        for (step, step_seen) in steps.iter_mut().enumerate() {
-            let stride = ((step + shift) / STRIDE).min(self.seen.len().saturating_sub(1));
-            let Some(row) = self.seen.get(stride) else { continue };
-            let sure = self.sure[stride][index];
+        let mut lost_until = 0;
+        for (step, holds) in steps.iter_mut().enumerate() {
+            let at = 1 << ((step + shift) / STRIDE).min(STRIDES - 1);
+            let is_sure = sure & at != 0;
             if step >= lost_until && draw.chance(hazard) {
-                let long = !sure && draw.chance(0.3);
+                let long = !is_sure && draw.chance(0.3);
                 lost_until = step + 1 + if long { 8 + draw.below(40) } else { draw.below(6) };
             }
-            if sure {
+            if is_sure {
                 // Whoever matters to the AV is there when the log begins and ends, and is missed for moments alone.
                 let moment = if (10..STEPS - 12).contains(&step) { 6 } else { 0 };
                 lost_until = lost_until.min(step + moment);
             }
-            *step_seen = row[index] && step >= lost_until && actor.poses[step].is_some();
+            *holds = seen & at != 0 && step >= lost_until && actor.pose(step).is_some();
         }
-        steps
+        (seen != 0).then_some(steps)
     }
 }
 
@@ -254,7 +254,7 @@ fn states(
     let size_noise = noise * draw.between(0.0, 0.012);
     for step in steps {
         off = off.map(|value| 0.96 * value + noise * draw.between(-0.004, 0.004));
-        let (true, Some(pose)) = (seen[step], actor.poses[step]) else { continue };
+        let (true, Some(pose)) = (seen[step], actor.pose(step)) else { continue };
         let swell = 1.0 + size_noise * off[2] * 20.0;
         states[step] = Some(AgentState {
             x: pose.x + off[0],

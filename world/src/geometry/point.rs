@@ -23,7 +23,8 @@ impl Point {
     /// The unit vector that points to `heading` (rad).
     #[must_use]
     pub fn unit(heading: f64) -> Self {
-        Self::new(libm::cos(heading), libm::sin(heading))
+        let (sine, cosine) = libm::sincos(heading);
+        Self::new(cosine, sine)
     }
 
     /// Scalar product.

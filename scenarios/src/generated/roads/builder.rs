@@ -60,6 +60,7 @@ impl Builder {
         });
         self.roads.lanes.push(Lane {
             id,
+            sharpest: new.course.sharpest(),
             course: new.course,
             width: new.width,
             limit,

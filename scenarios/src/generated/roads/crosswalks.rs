@@ -26,7 +26,7 @@ pub(super) fn lay_crosswalk(
     builder.crosswalk(corners.map(|(behind, left)| flat(place.at(-behind, left))).to_vec());
     let middle = 0.5 * (near + far);
     let course = Curve::line(place.at(-middle, -right - WALK), place.at(-middle, left + WALK));
-    builder.roads.crossings.push(Crossing { course, arm: Some(arm) });
+    builder.roads.crossings.push(Crossing { course: course.into(), arm: Some(arm) });
     let crossing = builder.roads.crossings.len() - 1;
     let pose = place.outward(-middle);
     let half = 0.5 * (far - near);

@@ -31,6 +31,8 @@ mod streets;
 mod tests;
 mod walks;
 
+use std::rc::Rc;
+
 use world::geometry::{Point, Point3, Pose};
 use world::map::{Map, MapId};
 
@@ -138,7 +140,7 @@ pub(super) struct Roads {
     pub(super) streets: Vec<Laid>,
     pub(super) crossings: Vec<Crossing>,
     /// Where people walk along the streets.
-    pub(super) walks: Vec<Curve>,
+    pub(super) walks: Vec<Rc<Curve>>,
     pub(super) bays: Vec<Bay>,
 }
 
@@ -153,6 +155,8 @@ pub(super) struct Laid {
 pub(super) struct Lane {
     pub(super) id: MapId,
     pub(super) course: Curve,
+    /// The course has no larger curvature (1/m).
+    pub(super) sharpest: f64,
     pub(super) width: f64,
     /// m/s; what cyclists keep to on bike lanes.
     pub(super) limit: f64,
@@ -228,7 +232,7 @@ pub(super) struct Conflict {
 #[derive(Clone, Debug)]
 pub(super) struct Crossing {
     /// From curb to curb, and 2 m further at both ends.
-    pub(super) course: Curve,
+    pub(super) course: Rc<Curve>,
     /// The junction and arm whose traffic it crosses, if it is at one.
     pub(super) arm: Option<(usize, usize)>,
 }

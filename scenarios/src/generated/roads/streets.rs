@@ -370,7 +370,7 @@ fn lay_crosswalks(builder: &mut Builder, lays: &[Lay<'_>; 2], sides: &[Side; 2])
         let corners = [(-half, -curbs[0]), (half, -curbs[0]), (half, curbs[1]), (-half, curbs[1])];
         builder.crosswalk(corners.map(|(along, left)| flat(middle.beside(at + along, left))).to_vec());
         let course = Curve::line(middle.beside(at, -curbs[0] - WALK), middle.beside(at, curbs[1] + WALK));
-        builder.roads.crossings.push(Crossing { course, arm: None });
+        builder.roads.crossings.push(Crossing { course: course.into(), arm: None });
         let crossing = builder.roads.crossings.len() - 1;
         for (lay, side) in lays.iter().zip(sides) {
             let station = if lay.is_forward() { at } else { middle.length() - at };

@@ -37,7 +37,7 @@ pub(super) fn lay(builder: &mut Builder, net: &Net, street: usize, lots: &[lots:
         let mut at = from;
         for (start, end) in gaps.into_iter().chain([(to, to)]) {
             if start - at > SHORTEST {
-                builder.roads.walks.push(middle.strip(at, start, offset));
+                builder.roads.walks.push(middle.strip(at, start, offset).into());
             }
             at = end;
         }

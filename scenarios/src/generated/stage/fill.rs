@@ -9,6 +9,9 @@ use crate::generated::draw::Draw;
 use crate::generated::sizes;
 use crate::generated::traffic::{Start, WARM_UP, Walker, somebody};
 
+/// Nobody parks nearer (m) to where anybody drives, off the map.
+const FREE: f64 = 7.5;
+
 impl Stage<'_> {
     /// Everybody else: traffic, parked vehicles, people and bicycles.
     pub(super) fn fill(&mut self) {
@@ -56,6 +59,10 @@ impl Stage<'_> {
                 let base = lane.course.pose(draw.between(0.0, lane.course.length()));
                 let (rows, columns) = (1 + draw.below(4), 6 + draw.below(16));
                 let away = draw.between(9.0, 20.0);
+                // Of the ground that is driven on, what can be near.
+                let reach = FREE + Point::new(1.4 * columns as f64, away + 6.5 * rows as f64 + 2.0).norm();
+                let near: Vec<Point> =
+                    ground.iter().copied().filter(|point| point.distance(base.position()) < reach).collect();
                 for row in 0..rows {
                     // Two rows face each other across an aisle.
                     let left = -away - 5.4 * row as f64 - 6.5 * (row / 2) as f64;
@@ -67,12 +74,12 @@ impl Stage<'_> {
                         let flip = if draw.chance(0.3) { -1.0 } else { 1.0 };
                         let heading = base.heading + flip * std::f64::consts::FRAC_PI_2 + draw.normal(0.0, 0.02);
                         let size = sizes::car(draw);
-                        let is_free = |point: &Point| point.distance_squared(at) > 7.5 * 7.5;
+                        let is_free = |point: &Point| point.distance_squared(at) > FREE * FREE;
                         let clear = |(pose, _): &(Pose, [f64; 3])| {
                             let apart = pose.position().distance_squared(at);
                             apart > 5.3 * 5.3 || apart > 2.4 * 2.4 && libm::sin(pose.heading - heading).abs() < 0.2
                         };
-                        if taken && ground.iter().all(is_free) && self.parked.iter().all(clear) {
+                        if taken && near.iter().all(is_free) && self.parked.iter().all(clear) {
                             self.parked.push((Pose::new(at.x, at.y, heading), size));
                         }
                     }

@@ -9,30 +9,16 @@ use super::{AV, Stage};
 use crate::generated::STEPS;
 use crate::generated::draw::Draw;
 use crate::generated::perception::{Actor, perceive};
+use crate::generated::traffic::{Vehicle, Walker};
 
 impl Stage<'_> {
     /// Drives all, and answers the scene, unless something happened that must not.
     pub(in crate::generated) fn play(mut self) -> Result<SceneParts, Mishap> {
         self.fill();
-        self.traffic.run();
-        let actors = self.actors();
-        let av = &self.traffic.vehicles[AV];
-        let av =
-            Actor { kind: AgentKind::Vehicle, size: av.size, poses: av.poses.clone(), matters: true, violator: false };
-        if av.poses.iter().any(Option::is_none) {
-            return Err(Mishap::AvLeaves);
-        }
+        self.traffic.run(watch)?;
+        let (av, actors) = self.actors()?;
         if poses_apart(&av) < MOVES {
             return Err(Mishap::AvStands);
-        }
-        if steers_too_far(&av) {
-            return Err(Mishap::TooTight);
-        }
-        if actors.iter().any(is_hurled) {
-            return Err(Mishap::Hurled);
-        }
-        if actors.iter().any(|actor| ends_before(actor, &av)) {
-            return Err(Mishap::Rim);
         }
         let mut draw = self.draw.stream(3);
         let ahead = self.ways_on();
@@ -53,45 +39,33 @@ impl Stage<'_> {
         })
     }
 
-    fn actors(&self) -> Vec<Actor> {
-        let vehicles = self.traffic.vehicles.iter().enumerate().skip(1).map(|(index, vehicle)| Actor {
+    /// The AV, and the others: what they did, taken out of the traffic.
+    fn actors(&mut self) -> Result<(Actor, Vec<Actor>), Mishap> {
+        let jostled = jostled(&self.traffic.walkers);
+        let mut vehicles = self.traffic.vehicles.iter_mut().enumerate().map(|(index, vehicle)| Actor {
             kind: vehicle.kind,
             size: vehicle.size,
-            poses: vehicle.poses.clone(),
-            matters: self.vehicles_that_matter.contains(&index),
+            poses: std::mem::take(&mut vehicle.poses),
+            matters: index == AV || self.vehicles_that_matter.contains(&index),
             violator: vehicle.violator,
         });
-        let walkers = self.traffic.walkers.iter().enumerate().filter(|(index, _)| !self.is_jostled(*index));
+        let av = vehicles.next().ok_or(Mishap::AvLeaves)?;
+        let walkers = self.traffic.walkers.iter_mut().enumerate().filter(|(index, _)| !jostled[*index]);
         let walkers = walkers.map(|(index, walker)| Actor {
             kind: AgentKind::Pedestrian,
             size: walker.size,
-            poses: walker.poses.clone(),
+            poses: std::mem::take(&mut walker.poses),
             matters: self.walkers_that_matter.contains(&index),
             violator: walker.heedless,
         });
         let parked = self.parked.iter().map(|(pose, size)| Actor {
             kind: AgentKind::Vehicle,
             size: *size,
-            poses: vec![Some(*pose); STEPS],
+            poses: vec![Some(*pose)],
             matters: false,
             violator: false,
         });
-        vehicles.chain(walkers).chain(parked).collect()
-    }
-
-    /// People do not mind one another as they walk along: one of two who would walk through each other was not there, and not one who crosses.
-    fn is_jostled(&self, index: usize) -> bool {
-        let walker = &self.traffic.walkers[index];
-        if walker.crossing.is_some() {
-            return false;
-        }
-        self.traffic.walkers.iter().enumerate().any(|(other_index, other)| {
-            (other.crossing.is_some() || other_index < index)
-                && other.poses.iter().zip(&walker.poses).any(|(other, own)| match (other, own) {
-                    (Some(other), Some(own)) => other.position().distance(own.position()) < 1.25,
-                    _ => false,
-                })
-        })
+        Ok((av, vehicles.chain(walkers).chain(parked).collect()))
     }
 
     /// Where the AV could go on from where the log ends, whichever way it turns.
@@ -153,36 +127,89 @@ impl Stage<'_> {
     }
 }
 
-/// Whether the AV's bicycle would have had to steer by more than 0.47 rad (0.5 rad is the bound of a drive) with its wheelbase of 3.089 m.
-fn steers_too_far(av: &Actor) -> bool {
-    let poses: Vec<Pose> = av.poses.iter().flatten().copied().collect();
-    poses.windows(2).any(|pair| {
-        let moved = pair[0].position().distance(pair[1].position());
-        moved > 0.02 && wrap_angle(pair[1].heading - pair[0].heading).abs() * 3.089 > 0.47 * moved
-    })
-}
-
-/// Whether somebody on wheels turns tighter or faster than wheels hold: over half a second, with a wheelbase of 0.6 times the length.
-fn is_hurled(actor: &Actor) -> bool {
-    const WINDOW: usize = 5;
-    let moves = actor.kind != AgentKind::Pedestrian && actor.poses.first() != actor.poses.last();
-    moves
-        && (0..STEPS - WINDOW).any(|step| {
-            let (Some(from), Some(to)) = (actor.poses[step], actor.poses[step + WINDOW]) else { return false };
-            let moved = from.position().distance(to.position());
-            let turned = wrap_angle(to.heading - from.heading).abs();
-            moved > 0.9 && (0.6 * actor.size[0] * turned > 0.85 * moved || turned * moved > 6.5 * 0.25)
+/// Which of the people are not there after all: they do not mind one another as they walk along, and of two who would walk through each other one
+/// is left out; never one who crosses.
+fn jostled(walkers: &[Walker]) -> Vec<bool> {
+    const APART: f64 = 1.25;
+    let reaches: Vec<[Point; 2]> = walkers
+        .iter()
+        .map(|walker| {
+            let points = walker.poses.iter().flatten().map(|pose| pose.position());
+            points.fold(
+                [Point::new(f64::INFINITY, f64::INFINITY), Point::new(f64::NEG_INFINITY, f64::NEG_INFINITY)],
+                |[low, high], at| {
+                    [Point::new(low.x.min(at.x), low.y.min(at.y)), Point::new(high.x.max(at.x), high.y.max(at.y))]
+                },
+            )
         })
+        .collect();
+    let may_meet = |[low, high]: &[Point; 2], [other_low, other_high]: &[Point; 2]| {
+        low.x - APART < other_high.x
+            && other_low.x - APART < high.x
+            && low.y - APART < other_high.y
+            && other_low.y - APART < high.y
+    };
+    let meet = |one: &Walker, other: &Walker| {
+        one.poses.iter().zip(&other.poses).any(|poses| match poses {
+            (Some(one), Some(other)) => one.position().distance(other.position()) < APART,
+            _ => false,
+        })
+    };
+    let is_jostled = |index: usize| {
+        walkers[index].crossing.is_none()
+            && walkers.iter().enumerate().any(|(other_index, other)| {
+                (other.crossing.is_some() || other_index < index)
+                    && may_meet(&reaches[index], &reaches[other_index])
+                    && meet(&walkers[index], other)
+            })
+    };
+    (0..walkers.len()).map(is_jostled).collect()
 }
 
-/// Whether somebody on wheels comes to the rim of the map in sight of the AV, ahead of it.
-fn ends_before(actor: &Actor, av: &Actor) -> bool {
-    let Some(last) = actor.poses.iter().rposition(Option::is_some).filter(|last| last + 1 < STEPS) else {
+/// What must not happen at a step of the log, as far as it shows in the poses of those on wheels.
+fn watch(vehicles: &[Vehicle], step: usize) -> Result<(), Mishap> {
+    let av = &vehicles[AV].poses;
+    let Some(here) = av[step] else { return Err(Mishap::AvLeaves) };
+    let before = step.checked_sub(1);
+    if before.and_then(|before| av[before]).is_some_and(|before| steers_too_far(&before, &here)) {
+        return Err(Mishap::TooTight);
+    }
+    for vehicle in &vehicles[AV + 1..] {
+        if is_hurled(vehicle, step) {
+            return Err(Mishap::Hurled);
+        }
+        if before.is_some_and(|before| ends_before(vehicle, &vehicles[AV], before)) {
+            return Err(Mishap::Rim);
+        }
+    }
+    Ok(())
+}
+
+/// Whether the AV's bicycle would have had to steer by more than 0.47 rad (0.5 rad is the bound of a drive) with its wheelbase of 3.089 m.
+fn steers_too_far(from: &Pose, to: &Pose) -> bool {
+    let moved = from.position().distance(to.position());
+    moved > 0.02 && wrap_angle(to.heading - from.heading).abs() * 3.089 > 0.47 * moved
+}
+
+/// Whether somebody on wheels has turned tighter or faster than wheels hold: over half a second, with a wheelbase of 0.6 times the length.
+fn is_hurled(vehicle: &Vehicle, step: usize) -> bool {
+    const WINDOW: usize = 5;
+    let Some(from) = step.checked_sub(WINDOW).and_then(|from| vehicle.poses[from]) else { return false };
+    let Some(to) = vehicle.poses[step] else { return false };
+    let moved = from.position().distance(to.position());
+    moved > 0.9 && {
+        let turned = wrap_angle(to.heading - from.heading).abs();
+        0.6 * vehicle.size[0] * turned > 0.85 * moved || turned * moved > 6.5 * 0.25
+    }
+}
+
+/// Whether `last` was the last step of somebody on wheels, who came to the rim of the map in sight of the AV, ahead of it.
+fn ends_before(vehicle: &Vehicle, av: &Vehicle, last: usize) -> bool {
+    let (Some(pose), None, Some(av)) = (vehicle.poses[last], vehicle.poses[last + 1], av.poses[last]) else {
         return false;
     };
-    let (Some(pose), Some(av)) = (actor.poses[last], av.poses[last]) else { return false };
     let at = av.to_body(pose.position());
-    actor.kind != AgentKind::Pedestrian && at.x > 0.0 && at.norm() < SEEN_TO_THE_RIM && at.y.abs() < 12.0
+    at.x > 0.0 && at.norm() < SEEN_TO_THE_RIM && at.y.abs() < 12.0
 }
 
 /// How far somebody gets from where it began, at most (m).

@@ -30,11 +30,10 @@ impl Traffic<'_> {
         let crossing = self.people_ahead(me);
         let step = self.step;
         let vehicle = &mut self.vehicles[me];
-        let own = vehicle.driver.wander.at(vehicle.driven).0;
         let in_change = vehicle.lateral.target != vehicle.lateral.offset && step - vehicle.changed < 60;
         if !in_change || vehicle.kind == AgentKind::Cyclist {
             if let Some(target) = room {
-                vehicle.lateral.target = target - own;
+                vehicle.lateral.target = target - vehicle.wandered();
             } else if vehicle.kind != AgentKind::Cyclist && !matches!(vehicle.script, Script::PullOut { .. }) {
                 vehicle.lateral.target = 0.0;
             }

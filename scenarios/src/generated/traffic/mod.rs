@@ -172,7 +172,7 @@ impl<'r> Traffic<'r> {
     /// Adds a crossing that is on no map, over `lanes` at these stations.
     pub(super) fn add_crossing(&mut self, course: Curve, lanes: &[(LaneIndex, f64)]) -> usize {
         let crossing = self.crossings.len();
-        self.crossings.push(Crossing { course, arm: None });
+        self.crossings.push(Crossing { course: course.into(), arm: None });
         self.crossed.push(Vec::new());
         for (lane, station) in lanes {
             self.cross(crossing, *lane, (station - 0.8, station + 0.8));
@@ -180,8 +180,8 @@ impl<'r> Traffic<'r> {
         crossing
     }
 
-    /// Drives the warm-up and the log.
-    pub(super) fn run(&mut self) {
+    /// Drives the warm-up and the log. After each step of the log `watch` looks at the vehicles; an error ends the drive.
+    pub(super) fn run<E>(&mut self, watch: impl Fn(&[Vehicle], usize) -> Result<(), E>) -> Result<(), E> {
         self.vehicles.iter_mut().for_each(Vehicle::settle);
         while self.step < STEPS as i32 {
             if self.step == 0 {
@@ -189,9 +189,11 @@ impl<'r> Traffic<'r> {
             }
             if let Ok(step) = usize::try_from(self.step) {
                 self.record(step);
+                watch(&self.vehicles, step)?;
             }
             self.advance();
         }
+        Ok(())
     }
 
     /// Takes away whoever began too close to another for the warm-up to sort it out: not those that the family sent in, who came first.
@@ -220,10 +222,12 @@ impl<'r> Traffic<'r> {
 
     fn record(&mut self, step: usize) {
         for vehicle in self.vehicles.iter_mut().filter(|vehicle| vehicle.present) {
-            vehicle.poses[step] = Some(vehicle.pose(self.roads));
+            let same = step.checked_sub(1).filter(|_| vehicle.rests).and_then(|before| vehicle.poses[before]);
+            vehicle.poses[step] = Some(same.unwrap_or_else(|| vehicle.pose(self.roads)));
         }
         for walker in self.walkers.iter_mut().filter(|walker| walker.crossing.is_some() || !walker.has_arrived()) {
-            walker.poses[step] = Some(walker.pose());
+            let same = step.checked_sub(1).filter(|_| walker.rests()).and_then(|before| walker.poses[before]);
+            walker.poses[step] = Some(same.unwrap_or_else(|| walker.pose()));
         }
     }
 
@@ -256,13 +260,22 @@ impl<'r> Traffic<'r> {
             if !self.walkers[index].walking && self.begins_to_walk(index) {
                 self.walkers[index].walking = true;
             }
-            let me = &self.walkers[index];
-            let ahead = self.walkers.iter().filter(|other| me.crossing.is_some() && me.is_behind(other));
-            let slowest = ahead.map(|other| other.speed).fold(f64::INFINITY, f64::min);
-            let slowest = if me.walking && me.crossing.is_some() && self.is_shut(me) { 0.0 } else { slowest };
+            let slowest = self.slowest_ahead(&self.walkers[index]);
             self.walkers[index].advance(slowest);
         }
         self.step += 1;
+    }
+
+    /// How fast (m/s) somebody who crosses can walk for whoever is right before them; nothing slows those on sidewalks.
+    fn slowest_ahead(&self, walker: &Walker) -> f64 {
+        if walker.crossing.is_none() || !walker.is_on_the_way() {
+            f64::INFINITY
+        } else if self.is_shut(walker) {
+            0.0
+        } else {
+            let ahead = self.walkers.iter().filter(|other| walker.is_behind(other));
+            ahead.map(|other| other.speed).fold(f64::INFINITY, f64::min)
+        }
     }
 
     /// Whether a vehicle stands or passes right before somebody who crosses.

@@ -154,15 +154,25 @@ fn caps(roads: &Roads, lanes: &[LaneIndex], length: f64, driver: &Driver) -> Vec
         let lane = &roads.lanes[*lane];
         let limit = lane.limit * driver.eagerness;
         let (first, last) = ((start / SPACING) as usize, ((start + lane.course.length()) / SPACING) as usize);
+        let bends = no_faster(limit, driver.lateral / lane.sharpest.max(1e-4)) < limit;
         for (index, cap) in caps.iter_mut().enumerate().take(last + 1).skip(first) {
+            *cap = cap.min(limit);
+            if !bends {
+                continue;
+            }
             let bend = lane.course.curvature(index as f64 * SPACING - start).abs().max(1e-4);
-            *cap = cap.min(limit).min((driver.lateral / bend).sqrt());
+            *cap = no_faster(*cap, driver.lateral / bend);
         }
         start += lane.course.length();
     }
     let slowing = 2.0 * SPACING * 0.6 * driver.braking;
     for index in (0..caps.len() - 1).rev() {
-        caps[index] = caps[index].min((caps[index + 1] * caps[index + 1] + slowing).sqrt());
+        caps[index] = no_faster(caps[index], caps[index + 1] * caps[index + 1] + slowing);
     }
     caps
+}
+
+/// The smaller of `cap` and the root of `squared`, which is seldom the smaller and so seldom drawn.
+fn no_faster(cap: f64, squared: f64) -> f64 {
+    if cap * cap > squared { squared.sqrt() } else { cap }
 }

@@ -32,13 +32,16 @@ pub(in crate::generated) struct Vehicle {
     pub(super) mind: Mind,
     /// The lanes of the route before this one are granted to it.
     pub(super) granted: usize,
+    /// It has not moved in the last step: it is where it was.
+    pub(super) rests: bool,
     /// The step at which it came to rest at a stop line, until it goes.
     pub(super) stopped: Option<i32>,
     /// Way driven (m), for its wandering.
     pub(super) driven: f64,
     /// Step of its last lane change.
     pub(super) changed: i32,
-    /// Offset from the centre line with the wandering, and its slope: reckoned once a step.
+    /// How far it has wandered (m); and with that the offset from the centre line, and its slope: reckoned once a step.
+    wandered: f64,
     across: (f64, f64),
     /// Poses at the steps of the log.
     pub(in crate::generated) poses: Vec<Option<Pose>>,
@@ -104,9 +107,11 @@ impl Vehicle {
             acceleration: 0.0,
             mind: Mind::default(),
             granted: 0,
+            rests: false,
             stopped: None,
             driven: 37.0 * station, // anything, as long as it differs
             changed: i32::MIN / 2,
+            wandered: 0.0,
             across: (0.0, 0.0),
             poses: vec![None; STEPS],
         }
@@ -126,10 +131,16 @@ impl Vehicle {
         self.across
     }
 
+    /// How far it has wandered to the left (m).
+    pub(super) fn wandered(&self) -> f64 {
+        self.wandered
+    }
+
     /// Reckons [`Vehicle::across`] anew, after it or its driver has moved.
     pub(in crate::generated) fn settle(&mut self) {
-        let (wander, slope) = self.driver.wander.at(self.driven);
-        self.across = (self.lateral.offset + wander, self.lateral.slope + slope);
+        let (wandered, slope) = self.driver.wander.at(self.driven);
+        self.wandered = wandered;
+        self.across = (self.lateral.offset + wandered, self.lateral.slope + slope);
     }
 
     pub(in crate::generated) fn pose(&self, roads: &Roads) -> Pose {
@@ -147,6 +158,10 @@ impl Vehicle {
             self.acceleration = self.acceleration.max(0.0);
         }
         let way = 0.5 * (before + self.speed) * STEP_SECONDS;
+        self.rests = way == 0.0;
+        if self.rests {
+            return;
+        }
         self.station += way;
         self.driven += way;
         self.lateral.advance(way, self.speed);

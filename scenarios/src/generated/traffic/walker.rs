@@ -1,5 +1,7 @@
 //! People on foot: they walk along sidewalks, wait at crossings and cross.
 
+use std::rc::Rc;
+
 use world::geometry::{Point, Pose};
 use world::plan::STEP_SECONDS;
 
@@ -12,7 +14,7 @@ use crate::generated::draw::Draw;
 pub(in crate::generated) struct Walker {
     /// Length, width, height (m).
     pub(in crate::generated) size: [f64; 3],
-    pub(in crate::generated) course: Curve,
+    pub(in crate::generated) course: Rc<Curve>,
     /// The crossing that `course` is, with traffic in its way.
     pub(in crate::generated) crossing: Option<usize>,
     /// Walks the course from its end to its start.
@@ -44,7 +46,12 @@ pub(in crate::generated) enum Start {
 }
 
 impl Walker {
-    pub(in crate::generated) fn new(course: Curve, crossing: Option<usize>, starts: Start, draw: &mut Draw) -> Self {
+    pub(in crate::generated) fn new(
+        course: Rc<Curve>,
+        crossing: Option<usize>,
+        starts: Start,
+        draw: &mut Draw,
+    ) -> Self {
         let width = draw.normal(0.84, 0.07).clamp(0.6, 1.1);
         let back = draw.chance(0.5);
         // Everybody keeps to the right.
@@ -90,6 +97,11 @@ impl Walker {
         if self.back { self.course.length() - self.walked } else { self.walked }
     }
 
+    /// Has begun to walk, and not arrived.
+    pub(super) fn is_on_the_way(&self) -> bool {
+        self.walking && !self.has_arrived()
+    }
+
     pub(super) fn has_arrived(&self) -> bool {
         self.walked >= self.course.length()
     }
@@ -103,9 +115,14 @@ impl Walker {
         Pose::new(at.x, at.y, heading + turn)
     }
 
+    /// It has not moved in the last step: it is where it was.
+    pub(super) fn rests(&self) -> bool {
+        self.speed == 0.0
+    }
+
     /// On by one step; not faster than `slowest` (m/s), whoever walks right ahead.
     pub(super) fn advance(&mut self, slowest: f64) {
-        let wanted = if self.walking && !self.has_arrived() { self.pace.min(slowest) } else { 0.0 };
+        let wanted = if self.is_on_the_way() { self.pace.min(slowest) } else { 0.0 };
         let change = 2.5 * STEP_SECONDS;
         self.speed = wanted.clamp(self.speed - change, self.speed + change);
         self.walked += self.speed * STEP_SECONDS;
