@@ -9,13 +9,14 @@
 //! ```
 //!
 //! dJ is exact: products with the second derivatives of the rollout and of the distances, along l and d. Masks, nearest samples
-//! and the choice of the nearest neighbor are constants. Of the forward pass the iterates are kept, 100 numbers each; the rest is
+//! and the choice of the nearest neighbor are constants. dr is that of the rows' values, which is J but in the authors' coupling. Of the forward pass the iterates are kept, 100 numbers each; the rest is
 //! computed again.
 
 use world::vehicle::BicycleModel;
 
 use super::constants::{KEY_STEPS, NEIGHBORS, STEPS, TERMS, lane_step};
 use super::controls::Controls;
+use super::coupling::{Choices, Nearest};
 use super::linear::{LinearSolver, NormalEquations};
 use super::motion::{Motion, StateChange};
 use super::objective::{Costing, Evaluation};
@@ -106,6 +107,10 @@ pub struct Layer {
     iterates: Vec<Controls>,
     /// Iterations done by the last forward pass.
     done: usize,
+    /// The nearest neighbors at each of the iterates.
+    chosen: Vec<Nearest>,
+    /// Those of the batch's first sample; empty where samples are not coupled.
+    lead: Choices,
     at: Box<Evaluation>,
     objective: f64,
     output: Box<Motion>,
@@ -135,6 +140,8 @@ impl Layer {
             normal: NormalEquations::new(linear),
             iterates: vec![Controls::ZERO; settings.iterations + 1],
             done: 0,
+            chosen: vec![Nearest::default(); settings.iterations + 1],
+            lead: Choices(Vec::with_capacity(settings.iterations + 1)),
             at: Box::default(),
             objective: 0.0,
             output: Box::default(),
@@ -158,6 +165,22 @@ impl Layer {
     /// # Errors
     /// [`SolveError`], also where a matrix is singular: there is no gradient then.
     pub fn forward(&mut self, problem: &Problem, initial: &Controls) -> Result<(), SolveError> {
+        self.forward_led(problem, initial, None)
+    }
+
+    /// [`Layer::forward`] in a batch of the authors, whose first sample made these choices; its own, or none, for the first itself.
+    /// [`Layer::backward`] keeps to them.
+    ///
+    /// # Errors
+    /// As [`Layer::forward`].
+    pub fn forward_led(
+        &mut self,
+        problem: &Problem,
+        initial: &Controls,
+        lead: Option<&Choices>,
+    ) -> Result<(), SolveError> {
+        self.lead.0.clear();
+        self.lead.0.extend(lead.iter().flat_map(|lead| &lead.0));
         if !initial.is_finite() {
             return Err(SolveError::InitialControls);
         }
@@ -165,7 +188,7 @@ impl Layer {
         self.done = 0;
         let mut before = f64::NAN;
         for k in 0..self.settings.iterations {
-            self.evaluate(problem, k)?;
+            self.evaluate(problem, k, k)?;
             if k > 0 && self.converged(before) {
                 break;
             }
@@ -177,7 +200,7 @@ impl Layer {
             next[0].add_scaled(-self.settings.step, &self.scratch.step);
             self.done = k + 1;
         }
-        self.evaluate(problem, self.done)?;
+        self.evaluate_last(problem)?;
         self.objective = self.at.objective;
         self.output.roll_out(&self.settings.output_model, problem.av.state, &self.iterates[self.done]);
         Ok(())
@@ -190,14 +213,21 @@ impl Layer {
             || settled(before, self.at.objective, absolute_tolerance, relative_tolerance)
     }
 
-    fn evaluate(&mut self, problem: &Problem, k: usize) -> Result<(), SolveError> {
-        self.at.evaluate(problem, &self.settings.costing, &self.iterates[k]);
+    /// Evaluates iterate `k`, as it is when the batch is evaluated for the `evaluation`th time, from 0.
+    fn evaluate(&mut self, problem: &Problem, k: usize, evaluation: usize) -> Result<(), SolveError> {
+        self.at.evaluate_led(problem, &self.settings.costing, &self.iterates[k], self.lead.at(evaluation));
+        self.chosen[k] = self.at.nearest;
         if self.at.objective.is_finite() { Ok(()) } else { Err(SolveError::Objective { iterations: k }) }
+    }
+
+    /// Evaluates where the last iteration led, when the batch's last iteration is over.
+    fn evaluate_last(&mut self, problem: &Problem) -> Result<(), SolveError> {
+        self.evaluate(problem, self.done, self.settings.iterations)
     }
 
     /// Evaluates and factorizes at iterate `k`; the gradient goes into `right`.
     fn linearize(&mut self, problem: &Problem, k: usize) -> Result<(), SolveError> {
-        self.evaluate(problem, k)?;
+        self.evaluate(problem, k, k)?;
         self.factorize(problem, k)
     }
 
@@ -220,6 +250,12 @@ impl Layer {
     #[must_use]
     pub fn iterates(&self) -> &[Controls] {
         &self.iterates[..=self.done]
+    }
+
+    /// The neighbors that were nearest at each of these, as [`Layer::forward_led`] wants them of a batch's first sample.
+    #[must_use]
+    pub fn choices(&self) -> Choices {
+        Choices(self.chosen[..=self.done].to_vec())
     }
 
     /// The rollout that the loss looks at.
@@ -249,7 +285,7 @@ impl Layer {
         gradients.weights = [0.0; TERMS];
         self.output.pull_back(&output.poses, &mut gradients.controls);
         if output.squares != 0.0 {
-            self.evaluate(problem, self.done)?;
+            self.evaluate_last(problem)?;
             self.pull_back_squares(problem, output.squares, gradients);
         }
         for k in (0..self.done).rev() {
@@ -263,7 +299,7 @@ impl Layer {
     fn pull_back_squares(&mut self, problem: &Problem, factor: f64, gradients: &mut Gradients) {
         let multipliers = &mut self.scratch.multipliers;
         multipliers.set_weighted(&problem.weights, &self.at.rows, None);
-        self.at.pull_back(multipliers, &mut self.scratch.change);
+        self.at.pull_back_values(multipliers, &mut self.scratch.change);
         gradients.controls.add_scaled(2.0 * factor, &self.scratch.change);
         for (term, rows) in self.at.rows.parts() {
             let squares: f64 = rows.iter().map(|c| c * c).sum();
@@ -272,8 +308,8 @@ impl Layer {
         for (i, row) in self.at.safety().iter().enumerate() {
             let scale = 2.0 * factor * multipliers.safety[i];
             let by = &mut gradients.predictions[row.neighbor][row.key];
-            by.0 += scale * row.away.0;
-            by.1 += scale * row.away.1;
+            by.0 += scale * row.value_away.0;
+            by.1 += scale * row.value_away.1;
         }
     }
 
@@ -309,12 +345,12 @@ impl Layer {
 
         // m . dr and m' dJ d
         multipliers.set_weighted(&problem.weights, adjoint_rows, None);
-        self.at.pull_back(multipliers, change);
+        self.at.pull_back_values(multipliers, change);
         gradients.controls.add_scaled(-1.0, change);
         for (i, row) in self.at.safety().iter().enumerate() {
             let by = &mut gradients.predictions[row.neighbor][row.key];
-            by.0 -= multipliers.safety[i] * row.away.0;
-            by.1 -= multipliers.safety[i] * row.away.1;
+            by.0 -= multipliers.safety[i] * row.value_away.0;
+            by.1 -= multipliers.safety[i] * row.value_away.1;
         }
         pull_back_curvature(&self.at, multipliers, step, step_change, direct, change, gradients);
         // p' dJ l
@@ -335,7 +371,8 @@ fn pull_back_curvature(
 ) {
     *direct = [StateChange::default(); STEPS];
     for (row, multiplier) in at.safety().iter().zip(&multipliers.safety) {
-        if row.distance == 0.0 {
+        // At one place, or not in the Jacobian.
+        if row.away == (0.0, 0.0) {
             continue;
         }
         // The row changes by -away . s; away turns as (s - away (away . s)) / distance.

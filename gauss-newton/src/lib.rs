@@ -19,6 +19,7 @@
 //! | `rows`, `objective` | the cost terms and products with their Jacobian |
 //! | `sweep`, `dense`, `linear` | the normal equations: along the chain of steps, and written out |
 //! | `solver` | iterations, stopping, polish |
+//! | `coupling` | how the authors' samples of a batch depend on the first |
 //! | `gradient`, `batch` | the unrolled iterations as a layer of a network; many samples at once |
 //!
 //! `docs/planner.md` explains the mathematics.
@@ -26,6 +27,7 @@
 mod batch;
 pub mod constants;
 mod controls;
+mod coupling;
 pub mod dense;
 mod gradient;
 mod linear;
@@ -41,6 +43,7 @@ mod tests;
 
 pub use batch::{Batch, BatchError};
 pub use controls::Controls;
+pub use coupling::{Choices, Nearest};
 pub use gradient::{Gradients, Layer, LayerSettings, OutputGradient};
 pub use linear::LinearSolver;
 pub use motion::{Motion, StateChange};

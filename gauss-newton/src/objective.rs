@@ -12,6 +12,7 @@ use world::vehicle::BicycleModel;
 
 use super::constants::{DT, KEY_STEPS, LANE_STEPS, LATERAL_MARGIN, SAFE_GAP, STEPS, TERMS, lane_step};
 use super::controls::Controls;
+use super::coupling::Nearest;
 use super::motion::{Motion, StateChange};
 use super::problem::{PlacedNeighbor, Problem};
 use super::rows::{Rows, SAFETY_ROWS};
@@ -48,6 +49,9 @@ pub enum Safety {
     Everyone,
 }
 
+/// How far away (m) the authors take those to be who are not ahead in the AV's path.
+const ELSEWHERE: f64 = 100.0;
+
 /// A safety row that is not zero: a neighbor that is too near.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SafetyRow {
@@ -57,8 +61,11 @@ pub struct SafetyRow {
     pub neighbor: usize,
     /// Distance of the centers (m).
     pub distance: f64,
-    /// Unit vector from the neighbor to the AV; zero where both are at one place.
+    /// Unit vector from the neighbor to the AV, for the Jacobian; zero where both are at one place, and where the row is not in
+    /// the Jacobian (`coupling`).
     pub away: (f64, f64),
+    /// The same for the derivative of the row's value, which is another only where samples are coupled.
+    pub value_away: (f64, f64),
 }
 
 /// The objective at one point, and its linearization there.
@@ -77,6 +84,8 @@ pub struct Evaluation {
     /// First step past the red light's stop; [`STEPS`] if there is none.
     pub red_from: usize,
     safety: [SafetyRow; SAFETY_ROWS],
+    /// Which neighbor's length the authors take at each key step.
+    pub(super) nearest: Nearest,
     /// How much more a change of the steering angle counts that is too fast.
     pub(super) stiffness: [f64; STEPS],
     /// How the rows of the lane's edge change with the position.
@@ -97,6 +106,7 @@ impl Default for Evaluation {
             moves: [0.0; STEPS],
             red_from: STEPS,
             safety: [SafetyRow::default(); SAFETY_ROWS],
+            nearest: Nearest::default(),
             stiffness: [1.0; STEPS],
             edge: [(0.0, 0.0); LANE_STEPS],
             terms: [0.0; TERMS],
@@ -108,10 +118,21 @@ impl Default for Evaluation {
 impl Evaluation {
     /// Evaluates the objective at `controls`, which are finite.
     pub fn evaluate(&mut self, problem: &Problem, costing: &Costing, controls: &Controls) {
+        self.evaluate_led(problem, costing, controls, None);
+    }
+
+    /// [`Evaluation::evaluate`] of a sample of a batch whose first sample has these nearest neighbors (`coupling`).
+    pub(super) fn evaluate_led(
+        &mut self,
+        problem: &Problem,
+        costing: &Costing,
+        controls: &Controls,
+        lead: Option<&Nearest>,
+    ) {
         self.motion.roll_out(&costing.model, problem.av.state, controls);
         self.evaluate_controls(problem, costing, controls);
         self.evaluate_lane(problem, costing);
-        self.evaluate_safety(problem, costing);
+        self.evaluate_safety(problem, costing, lead);
         self.terms = [0.0; TERMS];
         for (term, rows) in self.rows.parts() {
             let weight = problem.weights[term as usize];
@@ -189,8 +210,9 @@ impl Evaluation {
         }
     }
 
-    fn evaluate_safety(&mut self, problem: &Problem, costing: &Costing) {
+    fn evaluate_safety(&mut self, problem: &Problem, costing: &Costing, lead: Option<&Nearest>) {
         self.rows.extent.safety = 0;
+        self.nearest = Nearest::default();
         if !problem.company {
             return;
         }
@@ -208,34 +230,51 @@ impl Evaluation {
                 let reach = (problem.av.width + neighbor.width) / 2.0 + LATERAL_MARGIN;
                 other.sample > av.sample && (av.lateral - other.lateral).abs() < reach
             };
+            let missing = |length: f64, distance: f64| (problem.av.length + length) / 2.0 + SAFE_GAP - distance;
             let mut nearest: Option<(SafetyRow, f64)> = None;
+            let mut elsewhere = None;
             for (j, neighbor) in problem.neighbors.iter().enumerate() {
-                let Some(neighbor) = neighbor.as_ref().filter(|n| ahead_in_path(n)) else { continue };
+                let Some(neighbor) = neighbor.as_ref().filter(|n| ahead_in_path(n)) else {
+                    elsewhere.get_or_insert(j);
+                    continue;
+                };
                 let (x, y) = neighbor.position[key];
                 let (dx, dy) = (state.x - x, state.y - y);
                 let distance = (dx * dx + dy * dy).sqrt();
                 let away = if distance > 0.0 { (dx / distance, dy / distance) } else { (0.0, 0.0) };
-                let row = SafetyRow { key, neighbor: j, distance, away };
-                let missing = (problem.av.length + neighbor.length) / 2.0 + SAFE_GAP - distance;
+                let row = SafetyRow { key, neighbor: j, distance, away, value_away: away };
+                let missing = missing(neighbor.length, distance);
                 match costing.safety {
-                    Safety::Everyone => self.add_safety_row(row, missing),
+                    Safety::Everyone => self.add_safety_row(row, missing, missing),
                     Safety::Nearest if nearest.is_none_or(|(other, _)| distance < other.distance) => {
                         nearest = Some((row, missing));
                     }
                     Safety::Nearest => {}
                 }
             }
-            if let Some((row, missing)) = nearest {
-                self.add_safety_row(row, missing);
+            let own = nearest.filter(|(row, _)| row.distance < ELSEWHERE).map(|(row, _)| row.neighbor);
+            self.nearest[key] = own.or(elsewhere).or(nearest.map(|(row, _)| row.neighbor)).unwrap_or_default();
+            if let Some((row, own)) = nearest {
+                let length = |j: usize| problem.neighbors[j].as_ref().map_or(0.0, |neighbor| neighbor.length);
+                let value = lead.map_or(own, |lead| missing(length(lead[key]), row.distance));
+                self.add_safety_row(row, own, value);
             }
         }
     }
 
-    fn add_safety_row(&mut self, row: SafetyRow, missing: f64) {
-        if missing > 0.0 {
+    /// Adds a row of a value, if it is there: in the Jacobian where its `own` value would be positive.
+    fn add_safety_row(&mut self, mut row: SafetyRow, own: f64, value: f64) {
+        let (in_jacobian, in_value) = (own > 0.0, value > 0.0);
+        if !in_jacobian {
+            row.away = (0.0, 0.0);
+        }
+        if !in_value {
+            row.value_away = (0.0, 0.0);
+        }
+        if in_jacobian || in_value {
             let count = &mut self.rows.extent.safety;
             self.safety[*count] = row;
-            self.rows.safety[*count] = missing;
+            self.rows.safety[*count] = if in_value { value } else { 0.0 };
             *count += 1;
         }
     }
@@ -283,6 +322,11 @@ impl Evaluation {
 
     /// The gradient by the states, of that by the rows (before weighting).
     pub(super) fn state_gradient(&self, rows: &Rows) -> [StateChange; STEPS] {
+        self.state_gradient_along(rows, |safety| safety.away)
+    }
+
+    #[inline(always)]
+    fn state_gradient_along(&self, rows: &Rows, away: impl Fn(&SafetyRow) -> (f64, f64)) -> [StateChange; STEPS] {
         let mut states = [StateChange::default(); STEPS];
         for i in 0..LANE_STEPS {
             let s = &mut states[lane_step(i)];
@@ -295,14 +339,24 @@ impl Evaluation {
         }
         for (row, safety) in rows.safety.iter().zip(self.safety()) {
             let s = &mut states[KEY_STEPS[safety.key]];
-            s.x -= row * safety.away.0;
-            s.y -= row * safety.away.1;
+            let away = away(safety);
+            s.x -= row * away.0;
+            s.y -= row * away.1;
         }
         states
     }
 
     /// The gradient by the controls, of that by the rows (before weighting): the product of the transposed Jacobian with `rows`.
     pub fn pull_back(&self, rows: &Rows, controls: &mut Controls) {
+        self.pull_back_states(rows, &self.state_gradient(rows), controls);
+    }
+
+    /// [`Evaluation::pull_back`] by the derivative of the rows' values, which is the Jacobian but where samples are coupled.
+    pub(super) fn pull_back_values(&self, rows: &Rows, controls: &mut Controls) {
+        self.pull_back_states(rows, &self.state_gradient_along(rows, |safety| safety.value_away), controls);
+    }
+
+    fn pull_back_states(&self, rows: &Rows, states: &[StateChange; STEPS], controls: &mut Controls) {
         controls.acceleration = rows.acceleration;
         controls.steering = rows.steering;
         for t in rows.extent.first_change..STEPS {
@@ -322,7 +376,7 @@ impl Evaluation {
             owed += self.moves[t] * (rows.speed[t] + DT * distance);
             controls.acceleration[t] += DT * owed;
         }
-        self.motion.pull_back(&self.state_gradient(rows), controls);
+        self.motion.pull_back(states, controls);
     }
 
     /// The gradient of the objective by the controls. `scratch` is overwritten.

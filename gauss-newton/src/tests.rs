@@ -28,7 +28,12 @@ impl Situation {
         let neighbors: Vec<_> = self
             .positions
             .iter()
-            .map(|p| p.as_ref().map(|positions| Neighbor { length: 4.6, width: 1.9, positions }))
+            .enumerate()
+            .map(|(j, p)| {
+                // A wheelchair, cars, a bus.
+                let length = 1.0 + 1.3 * j as f64;
+                p.as_ref().map(|positions| Neighbor { length, width: 1.9, positions })
+            })
             .collect();
         Problem::new(&Inputs {
             line_x: &column(|p| p.0),
@@ -74,6 +79,12 @@ fn any_controls(largest: f64) -> impl Strategy<Value = Controls> {
     })
 }
 
+/// Of three evaluations.
+fn any_choices() -> impl Strategy<Value = Choices> {
+    let nearest = || prop::collection::vec(0..NEIGHBORS, KEY_STEPS.len());
+    prop::collection::vec(nearest().prop_map(|key| std::array::from_fn(|i| key[i])), 3).prop_map(Choices)
+}
+
 fn any_costing() -> impl Strategy<Value = Costing> {
     let models = [BicycleModel::authors_planner(), BicycleModel::authors_test(), BicycleModel::default()];
     let switches = prop::array::uniform5(any::<bool>());
@@ -100,7 +111,9 @@ fn clips(motion: &Motion) -> impl PartialEq + use<> {
 /// What decides which rows are active, and of which piece each is: where two points agree on it, the rows are smooth between.
 fn pieces(at: &Evaluation) -> impl PartialEq + use<> {
     let headings: Vec<_> = at.rows.lane_heading.windows(2).map(|c| (c[1] - c[0]).abs() > PI).collect();
-    let safety: Vec<_> = at.safety().iter().map(|row| (row.key, row.neighbor)).collect();
+    let nowhere = (0.0, 0.0);
+    let there = |row: &SafetyRow| (row.key, row.neighbor, row.away != nowhere, row.value_away != nowhere);
+    let safety: Vec<_> = at.safety().iter().map(there).collect();
     let edge = at.edge.map(|slope| slope != (0.0, 0.0));
     (at.lane_sample, at.moves.map(|m| m > 0.0), at.red_from, safety, headings, edge, at.stiffness, clips(&at.motion))
 }
@@ -211,7 +224,7 @@ proptest! {
         situation in any_situation(), costing in any_costing(), initial in any_controls(0.5), direction in any_controls(0.3),
         output_model in prop::sample::select(vec![BicycleModel::authors_training(), BicycleModel::default()]),
         nudges in prop::collection::vec(-1.0..1.0, 2 * NEIGHBORS * KEY_STEPS.len() + TERMS), squares in -0.01..0.01,
-        wanted in prop::collection::vec(-1.0..1.0, 5 * STEPS),
+        wanted in prop::collection::vec(-1.0..1.0, 5 * STEPS), lead in prop::option::of(any_choices()),
     ) {
         let settings = LayerSettings { costing, output_model, ..LayerSettings::paper() };
         let mut output = OutputGradient { squares, ..OutputGradient::ZERO };
@@ -240,7 +253,7 @@ proptest! {
         let run = |h: f64| {
             let (problem, controls) = moved(h);
             let mut layer = Layer::new(settings, LinearSolver::Sweep);
-            layer.forward(&problem, &controls).unwrap();
+            layer.forward_led(&problem, &controls, lead.as_ref()).unwrap();
             let states = &layer.output().states;
             let mut value: f64 = output.controls.dot(layer.controls()) + squares * 2.0 * layer.objective();
             let mut unwrapped = 0.0;
@@ -249,7 +262,12 @@ proptest! {
                 unwrapped += world::geometry::wrap_angle(states[t].heading - before);
                 value += by.x * states[t].x + by.y * states[t].y + by.heading * unwrapped;
             }
-            let pieces: Vec<_> = layer.iterates().iter().map(|u| pieces(&evaluated(&problem, &costing, u))).collect();
+            let piece = |(k, controls)| {
+                let mut at = Evaluation::default();
+                at.evaluate_led(&problem, &costing, controls, lead.as_ref().and_then(|lead| lead.at(k)));
+                pieces(&at)
+            };
+            let pieces: Vec<_> = layer.iterates().iter().enumerate().map(piece).collect();
             (value, (pieces, clips(layer.output())), layer)
         };
         let (_, pieces, mut layer) = run(0.0);
@@ -293,6 +311,22 @@ proptest! {
             prop_assert_eq!(layer.controls(), alone.controls());
             prop_assert_eq!(gradients, &by);
         }
+    }
+}
+
+proptest! {
+    #[test]
+    fn a_sample_led_by_its_own_choices_is_the_sample_alone(situation in any_situation(), initial in any_controls(0.5)) {
+        let problem = situation.problem();
+        let run = |lead: Option<&Choices>| {
+            let mut layer = Layer::new(LayerSettings::paper(), LinearSolver::Sweep);
+            let mut by = Gradients::ZERO;
+            layer.forward_led(&problem, &initial, lead).unwrap();
+            layer.backward(&problem, &OutputGradient { squares: 0.1, ..OutputGradient::ZERO }, &mut by).unwrap();
+            (layer.controls().clone(), layer.objective(), by, layer.choices())
+        };
+        let alone = run(None);
+        prop_assert_eq!(&run(Some(&alone.3)), &alone);
     }
 }
 
@@ -454,6 +488,38 @@ fn training_ends_where_an_iteration_changes_nothing() {
     let mut solver = Solver::new(LinearSolver::Sweep);
     solver.solve(&problem, &Settings { step: 1.0, ..Settings::paper_test() }, &Controls::ZERO).unwrap();
     assert_eq!((iterations(&Controls::ZERO), iterations(solver.best())), (2, 1));
+}
+
+#[test]
+fn a_led_sample_has_the_length_of_the_first_ones_choice_and_its_own_jacobian() {
+    let mut situation = straight([1.0; TERMS]);
+    let beside = vec![(30.0, 9.0); STEPS];
+    let mut evaluate = |ahead: f64, lead: Option<usize>| {
+        // Lengths of the AV and those in front of it and beside: 5.3, 1 and 3.6 m; nobody is in the second place.
+        situation.positions = vec![Some(vec![(ahead, 0.0); STEPS]), None, Some(beside.clone())];
+        let problem = situation.problem();
+        let mut at = Evaluation::default();
+        let lead = lead.map(|j| [j; KEY_STEPS.len()]);
+        at.evaluate_led(&problem, &Settings::paper_test().costing, &Controls::ZERO, lead.as_ref());
+        assert_eq!(at.nearest, [0; KEY_STEPS.len()]);
+        at.safety().first().map(|row| (row.neighbor, row.away.0, row.value_away.0, at.rows.safety[0]))
+    };
+    let near =
+        |ahead: f64, length: f64| (5.3 + length) / 2.0 + 5.0 - libm::sqrt((ahead - 0.1) * (ahead - 0.1) + 0.2 * 0.2);
+    let mut check = |ahead: f64, lead: Option<usize>, wanted: Option<(bool, bool, f64)>| {
+        let got = evaluate(ahead, lead).map(|(j, away, value_away, value)| {
+            assert_eq!(j, 0);
+            (away < 0.0, value_away < 0.0, (value * 1e9).round() / 1e9)
+        });
+        assert_eq!(got, wanted.map(|(jacobian, values, value)| (jacobian, values, (value * 1e9).round() / 1e9)));
+    };
+    check(7.0, None, Some((true, true, near(7.0, 1.0))));
+    check(7.0, Some(2), Some((true, true, near(7.0, 3.6))));
+    check(7.0, Some(1), Some((true, true, near(7.0, 0.0))));
+    check(8.0, Some(1), Some((true, false, 0.0)));
+    check(9.0, None, None);
+    check(9.0, Some(2), Some((false, true, near(9.0, 3.6))));
+    check(9.0, Some(1), None);
 }
 
 #[test]
