@@ -23,7 +23,7 @@
 
 mod aligned;
 mod attention;
-mod functions;
+pub mod functions;
 mod heads;
 mod interaction;
 mod map;

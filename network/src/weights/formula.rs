@@ -15,6 +15,12 @@ impl Weights {
     }
 }
 
+/// The formula's numbers of a name before they are scaled, in [-1, 1): other implementations project gradients on those of `NAME#dot`.
+pub fn formula_numbers(name: &str) -> impl Iterator<Item = f64> + use<> {
+    let hash = fnv1a64(name);
+    (0_u64..).map(move |index| 2.0 * uniform(hash.wrapping_add(index)) - 1.0)
+}
+
 fn fnv1a64(name: &str) -> u64 {
     name.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }

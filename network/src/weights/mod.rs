@@ -22,6 +22,7 @@ mod tests;
 
 pub use error::WeightsError;
 pub use file::Precision;
+pub use formula::formula_numbers;
 pub use layout::{TensorLayout, Variant, layout};
 
 /// A tensor: numbers row by row.
