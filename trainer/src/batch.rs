@@ -1,0 +1,246 @@
+//! A batch through network, planner and losses, and back.
+//!
+//! Windows go in groups of [`TOGETHER`], each on a tape of its own; their gradients are summed in the order of the groups. So the result is
+//! the same for any number of threads. Where the authors couple the windows (`training.md` 2), the first one's plan is found before the
+//! others'.
+
+use gauss_newton::constants::TERMS;
+use gauss_newton::{Choices, Controls, Layer};
+use network::constants::{COST_WEIGHTS, HISTORY, NEIGHBORS, STEPS};
+use rayon::prelude::*;
+use thiserror::Error;
+
+use crate::loss::Planning;
+use crate::loss::{ByWhatWasSaid, Divisors, Loss, LossError, Parts, Said};
+use crate::model::{Layout, Outputs, forward};
+use crate::settings::{LossWeights, Rules};
+use crate::tape::{Scalar, Tape, Var};
+use crate::windows::Window;
+
+/// Windows that share a tape.
+pub const TOGETHER: usize = 8;
+
+/// What is done with a batch.
+#[derive(Clone, Debug)]
+pub struct Work {
+    /// Whose losses.
+    pub rules: Rules,
+    /// What they count.
+    pub weights: LossWeights,
+    /// Through which planner.
+    pub planning: Option<Planning>,
+    /// Whether the predictor's own losses count.
+    pub keeps_predictor_loss: bool,
+    /// Whether all windows take the lengths of the neighbours that are nearest in the first window, as the authors do.
+    pub couples: bool,
+    /// The weight of a penalty on how far the logarithms of the cost's weights are from those of others.
+    pub prior: Option<(f64, [f64; TERMS])>,
+    /// Seed and rate of the dropout; none without.
+    pub dropout: Option<(u64, f64)>,
+    /// Whether gradients are wanted.
+    pub wants_gradient: bool,
+}
+
+impl Work {
+    /// The losses of windows that this one leads.
+    pub(crate) fn loss(&self, lead: Option<Choices>) -> Loss {
+        let mut loss = Loss::new(self.rules, self.weights, self.planning, self.keeps_predictor_loss);
+        loss.lead = lead;
+        loss
+    }
+}
+
+/// What comes of it.
+#[derive(Clone, Debug)]
+pub struct Done<T> {
+    /// The gradient by all parameters; empty if it was not wanted.
+    pub gradient: Vec<T>,
+    /// Losses and metrics of the batch.
+    pub parts: Parts,
+    /// The penalty on the cost's weights.
+    pub prior: f64,
+    /// For each window what was said, its part, and the gradient by what was said.
+    pub windows: Vec<(Said, Parts, ByWhatWasSaid)>,
+}
+
+/// A window that has no loss.
+#[derive(Debug, Error)]
+#[error("window {scene} at step {step}: {error}")]
+pub struct BatchError {
+    /// Its scene.
+    pub scene: String,
+    /// Its step.
+    pub step: u32,
+    /// Why.
+    pub error: LossError,
+}
+
+/// Does the work on a batch, with the current rayon pool.
+///
+/// # Errors
+/// [`BatchError`] names the first window, in the batch's order, that has no loss.
+pub fn run<T: Scalar>(layout: &Layout, values: &[T], windows: &[&Window], work: &Work) -> Result<Done<T>, BatchError> {
+    let divisors = Divisors::of(windows, work.rules);
+    let mut groups: Vec<_> = windows
+        .chunks(TOGETHER)
+        .enumerate()
+        .map(|(index, windows)| Group { index: index as u64, windows, heard: None })
+        .collect();
+    let lead = groups.first_mut().filter(|_| work.couples && work.planning.is_some()).and_then(|first| {
+        let heard = first.hear(layout, values, work);
+        let lead = lead(&heard, first.windows, work);
+        first.heard = Some(heard);
+        lead
+    });
+    let groups: Vec<_> =
+        groups.into_par_iter().map(|group| run_group(layout, values, group, work, &divisors, lead.as_ref())).collect();
+    let mut done = Done { gradient: Vec::new(), parts: Parts::default(), prior: 0.0, windows: Vec::new() };
+    for group in groups {
+        let group = group?;
+        if done.gradient.is_empty() {
+            done.gradient = group.gradient;
+        } else {
+            done.gradient.iter_mut().zip(group.gradient).for_each(|(sum, part)| *sum = *sum + part);
+        }
+        group.windows.iter().for_each(|(_, parts, _)| done.parts.add(parts));
+        done.prior += group.prior;
+        done.windows.extend(group.windows);
+    }
+    Ok(done)
+}
+
+/// Windows that share a tape.
+struct Group<'a, T: Scalar> {
+    index: u64,
+    windows: &'a [&'a Window],
+    /// What the network says of them, if it was asked already.
+    heard: Option<Heard<'a, T>>,
+}
+
+/// A tape, and where on it the network's outputs are.
+type Heard<'a, T> = (Tape<'a, T>, Outputs);
+
+impl<'a, T: Scalar> Group<'a, T> {
+    /// The network's forward pass.
+    fn hear(&self, layout: &Layout, values: &'a [T], work: &Work) -> Heard<'a, T> {
+        // Far apart, or neighbouring seeds would begin alike.
+        let dropout = work.dropout.map(|(seed, rate)| (seed ^ self.index.wrapping_mul(0x9e37_79b9_7f4a_7c15), rate));
+        let mut tape = Tape::new(dropout);
+        let sketches: Vec<_> = self.windows.iter().map(|window| &window.sketch).collect();
+        let outputs = forward(&mut tape, layout, values, &sketches);
+        (tape, outputs)
+    }
+}
+
+/// Which neighbours are nearest in the first window. None where it has no plan, which its group says.
+fn lead<T: Scalar>((tape, outputs): &Heard<'_, T>, windows: &[&Window], work: &Work) -> Option<Choices> {
+    let window = windows.first()?;
+    work.loss(None).solve(window, &said(tape, outputs, 0, window)).ok().flatten().map(Layer::choices)
+}
+
+fn run_group<'a, T: Scalar>(
+    layout: &Layout,
+    values: &'a [T],
+    mut group: Group<'a, T>,
+    work: &Work,
+    divisors: &Divisors,
+    lead: Option<&Choices>,
+) -> Result<Done<T>, BatchError> {
+    let (tape, outputs) = group.heard.take().unwrap_or_else(|| group.hear(layout, values, work));
+    let (windows, index) = (group.windows, group.index);
+    let mut loss = work.loss(lead.cloned());
+    let mut done =
+        Done { gradient: Vec::new(), parts: Parts::default(), prior: 0.0, windows: Vec::with_capacity(windows.len()) };
+    for (sample, window) in windows.iter().enumerate() {
+        let said = said(&tape, &outputs, sample, window);
+        let (parts, by) = loss.of(window, &said, divisors).map_err(|error| BatchError {
+            scene: window.scene.clone(),
+            step: window.step,
+            error,
+        })?;
+        done.windows.push((said, parts, by));
+    }
+    if let (0, Some((weight, start)), Some((said, _, by))) = (index, work.prior, done.windows.first_mut()) {
+        done.prior = loss.prior(weight, &start, said, by);
+    }
+    if work.wants_gradient {
+        let seeds = seeds(&tape, &outputs, &done.windows);
+        done.gradient = vec![T::ZERO; layout.count()];
+        tape.backward(seeds, &mut done.gradient);
+    }
+    Ok(done)
+}
+
+/// What the tape says of a window.
+fn said<T: Scalar>(tape: &Tape<'_, T>, outputs: &Outputs, sample: usize, window: &Window) -> Said {
+    let row = |var: Var, row: usize| {
+        let matrix = tape.value(var);
+        matrix.data[row * matrix.columns..][..matrix.columns].iter().map(|value| value.f64()).collect::<Vec<f64>>()
+    };
+    let plans = outputs.plans.iter().map(|plan| {
+        let numbers = row(*plan, sample);
+        let mut controls = Controls::ZERO;
+        for (t, pair) in numbers.chunks_exact(2).enumerate().take(STEPS) {
+            (controls.acceleration[t], controls.steering[t]) = (pair[0], pair[1]);
+        }
+        controls
+    });
+    let poses = outputs.offsets.iter().map(|offsets| {
+        let mut poses = Box::new([[[0.0; 3]; STEPS]; NEIGHBORS]);
+        for (index, (_, neighbor)) in outputs.neighbors.iter().enumerate().filter(|(_, (of, _))| *of == sample) {
+            let now = window.sketch.neighbors[*neighbor][HISTORY - 1].map(f64::from);
+            for (pose, offset) in poses[*neighbor].iter_mut().zip(row(*offsets, index).chunks_exact(3)) {
+                *pose = [now[0] + offset[0], now[1] + offset[1], now[2] + offset[2]];
+            }
+        }
+        poses
+    });
+    Said {
+        plans: plans.collect(),
+        poses: poses.collect(),
+        scores: outputs.scores.iter().map(|score| row(*score, sample)[0]).collect(),
+        cost: outputs.cost.map(|cost| {
+            let logits = row(cost, 0);
+            std::array::from_fn::<f64, COST_WEIGHTS, _>(|term| logits[term])
+        }),
+    }
+}
+
+/// Gradients by what was said, at the values of the tape that said it.
+fn seeds<T: Scalar>(
+    tape: &Tape<'_, T>,
+    outputs: &Outputs,
+    windows: &[(Said, Parts, ByWhatWasSaid)],
+) -> Vec<(Var, Vec<T>)> {
+    let size = |var: Var| tape.value(var).data.len();
+    let mut seeds = Vec::new();
+    for (future, plan) in outputs.plans.iter().enumerate() {
+        let mut by = vec![T::ZERO; size(*plan)];
+        for (row, (.., said)) in by.chunks_exact_mut(2 * STEPS).zip(windows).filter(|(_, (.., by))| by.future == future)
+        {
+            row.iter_mut().zip(said.plan.interleaved()).for_each(|(sum, value)| *sum = T::of(value));
+        }
+        seeds.push((*plan, by));
+    }
+    for (future, offsets) in outputs.offsets.iter().enumerate() {
+        let mut by = vec![T::ZERO; size(*offsets)];
+        for (row, (sample, neighbor)) in by.chunks_exact_mut(3 * STEPS).zip(&outputs.neighbors) {
+            let said = &windows[*sample].2;
+            if said.future == future {
+                row.iter_mut().zip(said.poses[*neighbor].as_flattened()).for_each(|(sum, value)| *sum = T::of(*value));
+            }
+        }
+        seeds.push((*offsets, by));
+    }
+    for (future, score) in outputs.scores.iter().enumerate() {
+        seeds.push((*score, windows.iter().map(|(.., by)| T::of(by.scores[future])).collect()));
+    }
+    if let Some(cost) = outputs.cost {
+        let sum = |term: usize| T::of(windows.iter().map(|(.., by)| by.cost[term]).sum());
+        seeds.push((cost, (0..COST_WEIGHTS).map(sum).collect()));
+    }
+    seeds
+}
+
+#[cfg(test)]
+mod tests;

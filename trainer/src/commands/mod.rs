@@ -1,0 +1,99 @@
+//! The subcommands, a file each: what can be typed, and what it does.
+//!
+//! Each has `run(self)`, which answers the program's exit code: 0 done; 1 done, and something did not succeed; 130 interrupted. An error
+//! is told by whoever calls, with exit code 2.
+
+mod ablate;
+mod bench;
+mod inspect;
+mod prepare;
+mod progress;
+mod train;
+mod verify;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Subcommand, ValueEnum};
+
+use crate::learner::Reckoner;
+use crate::settings::Settings;
+use crate::step::Learner;
+use crate::windows::Windows;
+
+pub use ablate::Ablate;
+pub use bench::Bench;
+pub use inspect::Inspect;
+pub use prepare::Prepare;
+pub use train::Train;
+pub use verify::Verify;
+
+/// The exit code of an interrupted program.
+const INTERRUPTED: u8 = 130;
+
+/// What can be done.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Cut scenes into windows to train on, and keep them in one file
+    Prepare(Prepare),
+    /// Train a network on windows, from the beginning or from where it stopped
+    Train(Train),
+    /// What a checkpoint holds: settings, how far it is, norms, the learned cost
+    Inspect(Inspect),
+    /// Train a list of settings, each into its folder, and tabulate what came out
+    Ablate(Ablate),
+    /// Hold a step of learning to the numbers of another implementation; exits with 1 where it is out
+    Verify(Verify),
+    /// Time steps of learning
+    Bench(Bench),
+}
+
+impl Command {
+    /// Does it.
+    ///
+    /// # Errors
+    /// Those of the subcommand.
+    pub fn run(self) -> anyhow::Result<ExitCode> {
+        match self {
+            Self::Prepare(prepare) => prepare.run(),
+            Self::Train(train) => train.run(),
+            Self::Inspect(inspect) => inspect.run(),
+            Self::Ablate(ablate) => ablate.run(),
+            Self::Verify(verify) => verify.run(),
+            Self::Bench(bench) => bench.run(),
+        }
+    }
+}
+
+/// What training is done on.
+#[derive(Debug, Args)]
+struct Means {
+    /// Windows, as `trainer prepare` writes them; several files are taken as one
+    #[arg(long, value_name = "FILE", required = true, num_args = 1..)]
+    windows: Vec<PathBuf>,
+
+    /// What reckons
+    #[arg(long, value_enum, default_value_t = Device::Cpu)]
+    device: Device,
+}
+
+/// What reckons.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Device {
+    /// All cores of this machine
+    Cpu,
+}
+
+impl Means {
+    /// All windows as one set.
+    fn examples(&self) -> anyhow::Result<Windows> {
+        Ok(Windows::open_all(&self.windows)?)
+    }
+
+    /// Network, losses and planner by these settings.
+    fn learner(&self, settings: &Settings) -> anyhow::Result<Box<dyn Learner>> {
+        match self.device {
+            Device::Cpu => Ok(Box::new(Reckoner::new(settings))),
+        }
+    }
+}

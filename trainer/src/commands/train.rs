@@ -1,0 +1,68 @@
+//! `trainer train`.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context;
+use clap::Args;
+
+use super::progress::Progress;
+use super::{INTERRUPTED, Means};
+use crate::settings::Settings;
+use crate::training::{Ended, Task, train};
+
+/// Arguments of `train`.
+#[derive(Debug, Args)]
+pub struct Train {
+    #[command(flatten)]
+    means: Means,
+
+    /// Settings, a TOML file [default: those of the paper]
+    #[arg(long, value_name = "FILE")]
+    settings: Option<PathBuf>,
+
+    /// A setting, over the file's: --set epochs=10, --set cost.kind=exp; may be given several times
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+
+    /// Folder for checkpoint, weights and metrics; made if it is not there
+    #[arg(long, value_name = "FOLDER")]
+    out: PathBuf,
+
+    /// Go on from the checkpoint in the folder; from the beginning where there is none yet
+    #[arg(long)]
+    resume: bool,
+}
+
+impl Train {
+    /// Trains.
+    ///
+    /// # Errors
+    /// Settings or windows that cannot be used, a folder that has another training, a loss that is no number.
+    pub fn run(self) -> anyhow::Result<ExitCode> {
+        let settings = match &self.settings {
+            None => Settings::read("", &self.set)?,
+            Some(path) => {
+                let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
+                Settings::read(&text, &self.set).with_context(|| path.display().to_string())?
+            }
+        };
+        let examples = self.means.examples()?;
+        let mut learner = self.means.learner(&settings)?;
+        let mut progress = Progress::new();
+        let task = Task { settings: &settings, examples: &examples, folder: &self.out, resume: self.resume };
+        let ended = train(task, learner.as_mut(), &mut progress);
+        progress.end();
+        match ended? {
+            Ended::Finished => {
+                terminal::say(&format!("{}\n", self.out.join("weights.safetensors").display()))?;
+                Ok(ExitCode::SUCCESS)
+            }
+            Ended::Stopped => {
+                eprintln!("interrupted; the same command with --resume goes on from there");
+                Ok(ExitCode::from(INTERRUPTED))
+            }
+        }
+    }
+}
