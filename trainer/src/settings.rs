@@ -4,7 +4,7 @@
 //! file ──▶ Settings (checks names and types) ──▶ changes (--set key=value) ──▶ Settings (checks sense)
 //! ```
 
-use network::weights::Variant;
+use network::weights::{CostForm, Variant};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use toml::{Table, Value};
@@ -162,6 +162,17 @@ pub enum CostKind {
     Softmax,
     /// A positive number each.
     Exp,
+}
+
+impl CostKind {
+    /// The same as a weights file has it.
+    #[must_use]
+    pub fn form(self) -> CostForm {
+        match self {
+            Self::Softmax => CostForm::Shares,
+            Self::Exp => CostForm::Exponentials,
+        }
+    }
 }
 
 /// Where the planner's weights begin.

@@ -329,7 +329,7 @@ impl Training<'_> {
 
     fn write_weights(&self, epoch: usize) -> Result<(), TrainingError> {
         let folder = self.task.folder;
-        let weights = self.state.parameters.weights()?;
+        let weights = self.state.parameters.weights()?.with_cost_form(self.task.settings.cost.kind.form());
         let single = weights.write(Precision::Single)?;
         whole_file::write(&folder.join("weights.safetensors"), &single)?;
         if self.task.settings.keep_epochs {

@@ -6,7 +6,7 @@ use super::product::{End, Kernel, Linear, ROWS, Rows};
 use super::source::Source;
 use crate::constants::{AGENTS, COST_WEIGHTS, FUTURES, HISTORY, NEIGHBORS, SLOTS, STEPS, WIDTH};
 use crate::frame::{Frame, Prediction};
-use crate::weights::WeightsError;
+use crate::weights::{CostForm, WeightsError};
 
 /// Two layers with an exponential linear unit between.
 #[derive(Debug)]
@@ -220,8 +220,11 @@ fn cost_weights(source: Source<'_>) -> Result<[f32; COST_WEIGHTS], WeightsError>
     let shares: Vec<f64> = logits.iter().map(|logit| libm::exp(logit - largest)).collect();
     let sum: f64 = shares.iter().sum();
     let mut weights = [CONSTRAINT; COST_WEIGHTS];
-    for (weight, (share, scale)) in weights.iter_mut().zip(shares.iter().zip(SCALES)) {
-        *weight = (share / sum * scale) as f32;
+    for (term, (weight, scale)) in weights.iter_mut().zip(SCALES).enumerate() {
+        *weight = match source.weights.cost_form() {
+            CostForm::Shares => (shares[term] / sum * scale) as f32,
+            CostForm::Exponentials => libm::exp(logits[term]) as f32,
+        };
     }
     Ok(weights)
 }

@@ -4,8 +4,11 @@ use half::f16;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use super::error::WeightsError;
-use super::layout::{BUFFERS, Variant, layout};
+use super::layout::{BUFFERS, CostForm, Variant, layout};
 use super::{Tensor, Weights};
+
+/// The buffer of the shares' scales.
+const SCALE: &str = "plan.scale";
 
 /// How numbers are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,13 +42,17 @@ impl Weights {
             let values = numbers(&expected.name, &view)?;
             tensors.push((expected.name, Tensor { shape: expected.shape, values }));
         }
-        let weights = Self { variant, tensors };
+        let mut weights = Self { variant, cost_form: CostForm::Shares, tensors };
         let mut names: Vec<String> = file.names().into_iter().map(ToString::to_string).collect();
         names.sort();
         for name in names {
             if let Some((_, shape, constant)) = BUFFERS.iter().find(|(buffer, ..)| *buffer == name) {
                 if let Ok(view) = file.tensor(&name) {
                     check_shape(&name, shape, &view)?;
+                    if name == SCALE && check_constant(&name, &[0; 7], &view).is_ok() {
+                        weights.cost_form = CostForm::Exponentials;
+                        continue;
+                    }
                     check_constant(&name, constant, &view)?;
                 }
             } else if weights.tensor(&name).is_err() {
@@ -70,6 +77,10 @@ impl Weights {
         }
         if self.variant.has_cost() {
             for (name, shape, constant) in BUFFERS {
+                let constant = match self.cost_form {
+                    CostForm::Exponentials if name == SCALE => &[0; 7],
+                    _ => constant,
+                };
                 parts.push((name, Dtype::I64, shape, constant.iter().flat_map(|value| value.to_le_bytes()).collect()));
             }
         }

@@ -1,6 +1,6 @@
 //! Weights by a formula (`network.md` 7): no training, but outputs far from degenerate, the same in every implementation.
 
-use super::layout::{TensorLayout, Variant, layout};
+use super::layout::{CostForm, TensorLayout, Variant, layout};
 use super::{Tensor, Weights};
 
 impl Weights {
@@ -11,7 +11,7 @@ impl Weights {
             let values = values(&name, &shape);
             (name, Tensor { shape, values })
         });
-        Self { variant, tensors: tensors.collect() }
+        Self { variant, cost_form: CostForm::default(), tensors: tensors.collect() }
     }
 }
 

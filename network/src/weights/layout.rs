@@ -46,6 +46,17 @@ impl fmt::Display for Variant {
     }
 }
 
+/// How nine numbers become the weights of the planner's cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CostForm {
+    /// The authors': shares of one, of which two are thrown away, times constants (`network.md` 5.7). Seven weights that would need more than
+    /// one share cannot be said.
+    #[default]
+    Shares,
+    /// The exponential of each of the first seven. In a file the scales of the shares are 0, which no reader of shares takes.
+    Exponentials,
+}
+
 /// A tensor's name and shape.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TensorLayout {

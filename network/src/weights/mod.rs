@@ -23,7 +23,7 @@ mod tests;
 pub use error::WeightsError;
 pub use file::Precision;
 pub use formula::formula_numbers;
-pub use layout::{TensorLayout, Variant, layout};
+pub use layout::{CostForm, TensorLayout, Variant, layout};
 
 /// A tensor: numbers row by row.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,6 +36,7 @@ struct Tensor {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Weights {
     variant: Variant,
+    cost_form: CostForm,
     /// In the order of [`layout`].
     tensors: Vec<(String, Tensor)>,
 }
@@ -45,6 +46,18 @@ impl Weights {
     #[must_use]
     pub fn variant(&self) -> Variant {
         self.variant
+    }
+
+    /// How the weights of the planner's cost are made.
+    #[must_use]
+    pub fn cost_form(&self) -> CostForm {
+        self.cost_form
+    }
+
+    /// The same with the cost's weights made so.
+    #[must_use]
+    pub fn with_cost_form(self, cost_form: CostForm) -> Self {
+        Self { cost_form, ..self }
     }
 
     /// Each tensor's name, shape and numbers, in the order of [`layout`].
@@ -69,7 +82,7 @@ impl Weights {
             }
             tensors.push((name, Tensor { shape, values }));
         }
-        Ok(Self { variant, tensors })
+        Ok(Self { variant, cost_form: CostForm::default(), tensors })
     }
 
     /// The numbers of a tensor, row by row.

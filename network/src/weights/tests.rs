@@ -106,3 +106,24 @@ proptest! {
         crate::fuzzing::weights(&bytes);
     }
 }
+
+#[test]
+fn the_form_of_the_cost_survives_a_file_and_changes_its_weights() {
+    let weights = Weights::formula(Variant::Joint).with_cost_form(CostForm::Exponentials);
+    for precision in [Precision::Single, Precision::Half] {
+        assert_eq!(Weights::read(&weights.write(precision).unwrap()).unwrap().cost_form(), CostForm::Exponentials);
+    }
+    let shares = Weights::formula(Variant::Joint);
+    assert_eq!(Weights::read(&shares.write(Precision::Half).unwrap()).unwrap().cost_form(), CostForm::Shares);
+    let cost = |weights: &Weights| {
+        let network = crate::inference::Network::new(weights).unwrap();
+        let mut out = [crate::Prediction::empty()];
+        network.forward(&[&crate::Frame::empty()], &mut crate::inference::Workspace::new(1), &mut out);
+        out[0].cost_weights.unwrap()
+    };
+    let (shares, exponentials) = (cost(&shares), cost(&weights));
+    // Shares are exponentials over their sum, times scales.
+    let sum = exponentials[0] / shares[0];
+    assert!((exponentials[5] / shares[5] * 10.0 / sum - 1.0).abs() < 1e-5);
+    assert_eq!(shares[7..], exponentials[7..]);
+}

@@ -226,7 +226,7 @@ impl<'a, T: Scalar> Net<'_, 'a, T> {
             let both = self.tape.dropout(both);
             let hidden = self.linear("score.decode.1", both);
             let hidden = self.tape.elu(hidden);
-            let hidden = self.tape.dropout(hidden);
+            // The tensors' numbers leave no place for a dropout before the last layer, though the text has one.
             scores.push(self.linear("score.decode.3", hidden));
         }
         scores
