@@ -10,9 +10,9 @@ use network::constants::{COST_WEIGHTS, HISTORY, NEIGHBORS, STEPS};
 use rayon::prelude::*;
 use thiserror::Error;
 
-use crate::loss::Planning;
 use crate::loss::{ByWhatWasSaid, Divisors, Loss, LossError, Parts, Said};
 use crate::model::{Layout, Outputs, forward};
+use crate::planning::Planning;
 use crate::settings::{LossWeights, Rules};
 use crate::tape::{Scalar, Tape, Var};
 use crate::windows::Window;

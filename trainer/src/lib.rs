@@ -14,7 +14,7 @@
 //! | [`tape`] | derivatives of functions of matrices |
 //! | [`model`] | the network with a way back |
 //! | [`cost`] | the planner's weights, as the network holds them |
-//! | [`loss`] | what is learned from a window, through the planner too |
+//! | [`loss`], [`planning`] | what is learned from a window, through the planner too |
 //! | [`batch`], [`learner`] | a batch through all of that, and back |
 //! | [`step`] | what the loop asks, and what it is answered |
 //! | [`settings`], [`schedule`] | what a training is told; what of it changes from epoch to epoch |
@@ -43,6 +43,7 @@ pub mod model;
 pub mod optimiser;
 pub mod order;
 pub mod parameters;
+pub mod planning;
 pub mod schedule;
 pub mod settings;
 pub mod step;

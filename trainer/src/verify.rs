@@ -9,9 +9,9 @@ use thiserror::Error;
 use vectors::{Npz, NpzError, Quantity, Report};
 
 use crate::batch::{self, BatchError, Done, Work};
-use crate::loss::Planning;
 use crate::model::Layout;
 use crate::parameters::{Parameters, tensors};
+use crate::planning::Planning;
 use crate::settings::{LossWeights, Rules, Settings};
 use crate::tape::Scalar;
 use crate::windows::{Sketch, Window};
