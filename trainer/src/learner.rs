@@ -4,12 +4,12 @@ use gauss_newton::constants::TERMS;
 
 use crate::batch::{self, BatchError, Work};
 use crate::cost;
-use crate::initial::initial;
 use crate::loss::LossError;
 use crate::model::Layout;
 use crate::parameters::tensors;
 use crate::planning::Planning;
 use crate::settings::{Mode, Rules, Settings};
+use crate::start::{StartError, first_cost};
 use crate::step::{Answer, Ask, Learner, StepError, Terms};
 use crate::windows::Window;
 
@@ -24,11 +24,12 @@ pub struct Reckoner {
 
 impl Reckoner {
     /// By these settings.
-    #[must_use]
-    pub fn new(settings: &Settings) -> Self {
-        let start =
-            (settings.cost.prior > 0.0).then(|| cost::weights(&initial(settings), settings.cost.kind)).flatten();
-        Self { settings: settings.clone(), layout: Layout::new(settings.variant()), start }
+    ///
+    /// # Errors
+    /// [`StartError`] where the cost is held near that of a file that cannot be read.
+    pub fn new(settings: &Settings) -> Result<Self, StartError> {
+        let start = if settings.cost.prior > 0.0 { first_cost(settings)? } else { None };
+        Ok(Self { settings: settings.clone(), layout: Layout::new(settings.variant()), start })
     }
 }
 

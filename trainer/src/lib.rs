@@ -10,7 +10,7 @@
 //! | --- | --- |
 //! | [`windows`] | examples: two seconds before, five seconds after; cut out of scenes, and kept in one file |
 //! | [`examples`] | where windows come from, as the loop sees it |
-//! | [`parameters`], [`initial`] | everything that is learned, in one row of numbers; how it begins |
+//! | [`parameters`], [`initial`], [`start`] | everything that is learned, in one row of numbers; how it begins |
 //! | [`tape`] | derivatives of functions of matrices |
 //! | [`model`] | the network with a way back |
 //! | [`cost`] | the planner's weights, as the network holds them |
@@ -46,6 +46,7 @@ pub mod parameters;
 pub mod planning;
 pub mod schedule;
 pub mod settings;
+pub mod start;
 pub mod step;
 pub mod tape;
 pub mod training;

@@ -4,6 +4,8 @@
 //! file ──▶ Settings (checks names and types) ──▶ changes (--set key=value) ──▶ Settings (checks sense)
 //! ```
 
+use std::path::PathBuf;
+
 use network::weights::{CostForm, Variant};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -19,6 +21,9 @@ pub struct Settings {
     pub rules: Rules,
     /// Where random numbers start: first weights, order, dropout. Another seed, another training.
     pub seed: u64,
+    /// Weights to begin with, a file; if left out, as PyTorch draws them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start: Option<PathBuf>,
     /// How often all windows are seen.
     pub epochs: usize,
     /// So many of them, the first, without the planner.
@@ -201,6 +206,7 @@ impl Default for Settings {
             mode: Mode::Dipp,
             rules: Rules::Mended,
             seed: 42,
+            start: None,
             epochs: 20,
             epochs_without_planner: 5,
             batch: 32,

@@ -24,13 +24,13 @@ use crate::checkpoint::{Checkpoint, CheckpointError};
 use crate::cost;
 use crate::draw::{Draw, Purpose};
 use crate::examples::Examples;
-use crate::initial::initial;
 use crate::metrics::{EpochRow, Metrics, StepRow};
 use crate::optimiser::{self, is_cost};
 use crate::order::shuffled;
 use crate::parameters::tensors;
 use crate::schedule::Schedule;
 use crate::settings::Settings;
+use crate::start::{self, StartError};
 use crate::step::{Answer, Ask, Learner, StepError, Sums};
 use crate::whole_file::{self, WriteError};
 use crate::windows::Window;
@@ -135,6 +135,9 @@ pub enum TrainingError {
     /// The answer of a step has not the form of the parameters.
     #[error("step {0}: the gradient is of another network")]
     Form(u64),
+    /// The weights to begin with cannot be read.
+    #[error(transparent)]
+    Start(#[from] StartError),
     /// The weights cannot be written.
     #[error(transparent)]
     Weights(#[from] WeightsError),
@@ -183,7 +186,7 @@ fn begin(task: &Task<'_>) -> Result<Checkpoint, TrainingError> {
     let path = task.folder.join(CHECKPOINT);
     let windows = task.examples.digest();
     if !path.exists() {
-        return Ok(Checkpoint::first(task.settings, windows, initial(task.settings)));
+        return Ok(Checkpoint::first(task.settings, windows, start::first(task.settings)?));
     }
     if !task.resume {
         return Err(TrainingError::Exists(task.folder.to_owned()));

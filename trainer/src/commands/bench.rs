@@ -50,7 +50,7 @@ impl Bench {
         let few = windows(&Npz::read(&self.vectors.join("batch.npz"))?)?;
         let batch: Vec<Window> = few.iter().cycle().take(self.batch).cloned().collect();
         let settings = Settings::default();
-        let mut learner = Reckoner::new(&settings);
+        let mut learner = Reckoner::new(&settings)?;
         let mut parameters = Parameters::of(&Weights::formula(Variant::Joint));
         let mut adam = Adam::new(Variant::Joint);
         let places: Vec<_> = tensors(Variant::Joint).map(|(_, _, place)| place).collect();

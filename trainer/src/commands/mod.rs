@@ -5,15 +5,18 @@
 
 mod ablate;
 mod bench;
+mod evaluate;
 mod inspect;
 mod prepare;
 mod progress;
 mod train;
 mod verify;
 
+use std::fs;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
 
 use crate::learner::Reckoner;
@@ -23,6 +26,7 @@ use crate::windows::Windows;
 
 pub use ablate::Ablate;
 pub use bench::Bench;
+pub use evaluate::Evaluate;
 pub use inspect::Inspect;
 pub use prepare::Prepare;
 pub use train::Train;
@@ -38,6 +42,8 @@ pub enum Command {
     Prepare(Prepare),
     /// Train a network on windows, from the beginning or from where it stopped
     Train(Train),
+    /// Losses and displacement errors of weights on windows
+    Evaluate(Evaluate),
     /// What a checkpoint holds: settings, how far it is, norms, the learned cost
     Inspect(Inspect),
     /// Train a list of settings, each into its folder, and tabulate what came out
@@ -57,11 +63,33 @@ impl Command {
         match self {
             Self::Prepare(prepare) => prepare.run(),
             Self::Train(train) => train.run(),
+            Self::Evaluate(evaluate) => evaluate.run(),
             Self::Inspect(inspect) => inspect.run(),
             Self::Ablate(ablate) => ablate.run(),
             Self::Verify(verify) => verify.run(),
             Self::Bench(bench) => bench.run(),
         }
+    }
+}
+
+/// How it is done.
+#[derive(Debug, Args)]
+struct Chosen {
+    /// Settings, a TOML file; a training's folder has its own [default: those of the paper]
+    #[arg(long, value_name = "FILE")]
+    settings: Option<PathBuf>,
+
+    /// A setting, over the file's: --set epochs=10, --set cost.kind=exp; may be given several times
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
+impl Chosen {
+    /// The file's, with the changes.
+    fn settings(&self) -> anyhow::Result<Settings> {
+        let Some(path) = &self.settings else { return Ok(Settings::read("", &self.set)?) };
+        let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
+        Settings::read(&text, &self.set).with_context(|| path.display().to_string())
     }
 }
 
@@ -93,7 +121,7 @@ impl Means {
     /// Network, losses and planner by these settings.
     fn learner(&self, settings: &Settings) -> anyhow::Result<Box<dyn Learner>> {
         match self.device {
-            Device::Cpu => Ok(Box::new(Reckoner::new(settings))),
+            Device::Cpu => Ok(Box::new(Reckoner::new(settings)?)),
         }
     }
 }

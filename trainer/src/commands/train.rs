@@ -1,15 +1,12 @@
 //! `trainer train`.
 
-use std::fs;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::Context;
 use clap::Args;
 
 use super::progress::Progress;
-use super::{INTERRUPTED, Means};
-use crate::settings::Settings;
+use super::{Chosen, INTERRUPTED, Means};
 use crate::training::{Ended, Task, train};
 
 /// Arguments of `train`.
@@ -18,13 +15,8 @@ pub struct Train {
     #[command(flatten)]
     means: Means,
 
-    /// Settings, a TOML file [default: those of the paper]
-    #[arg(long, value_name = "FILE")]
-    settings: Option<PathBuf>,
-
-    /// A setting, over the file's: --set epochs=10, --set cost.kind=exp; may be given several times
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    chosen: Chosen,
 
     /// Folder for checkpoint, weights and metrics; made if it is not there
     #[arg(long, value_name = "FOLDER")]
@@ -41,13 +33,7 @@ impl Train {
     /// # Errors
     /// Settings or windows that cannot be used, a folder that has another training, a loss that is no number.
     pub fn run(self) -> anyhow::Result<ExitCode> {
-        let settings = match &self.settings {
-            None => Settings::read("", &self.set)?,
-            Some(path) => {
-                let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
-                Settings::read(&text, &self.set).with_context(|| path.display().to_string())?
-            }
-        };
+        let settings = self.chosen.settings()?;
         let examples = self.means.examples()?;
         let mut learner = self.means.learner(&settings)?;
         let mut progress = Progress::new();

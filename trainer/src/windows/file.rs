@@ -107,7 +107,13 @@ impl Windows {
                 first += 1;
             }
         }
-        Ok(Self { files, training, validation })
+        let mut windows = Self { files, training, validation };
+        // Means over batches depend on which windows share one: the order is that of the scenes' ids, wherever they came from.
+        let mut validation = std::mem::take(&mut windows.validation);
+        validation
+            .sort_by_cached_key(|index| windows.entry(*index).map(|it| (it.scene.to_owned(), it.step, it.av)).ok());
+        windows.validation = validation;
+        Ok(windows)
     }
 
     /// How many there are.
@@ -134,7 +140,7 @@ impl Windows {
         &self.training
     }
 
-    /// Numbers of those that tell how well was learned, ascending.
+    /// Numbers of those that tell how well was learned, by the ids of their scenes, and in each by time.
     #[must_use]
     pub fn validation(&self) -> &[usize] {
         &self.validation
