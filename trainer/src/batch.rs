@@ -1,7 +1,7 @@
 //! A batch through network, planner and losses, and back.
 //!
-//! Windows go in groups of [`TOGETHER`], each on a tape of its own; their gradients are summed in the order of the groups. So the result is
-//! the same for any number of threads. Where the authors couple the windows (`training.md` 2), the first one's plan is found before the
+//! Windows go in groups of [`GROUP`], and in each [`TOGETHER`] are on a tape; gradients are summed in the order of the windows. So the result
+//! is the same for any number of threads. Where the authors couple the windows (`training.md` 2), the first one's plan is found before the
 //! others'.
 
 use gauss_newton::constants::TERMS;
@@ -14,11 +14,13 @@ use crate::loss::{ByWhatWasSaid, Divisors, Loss, LossError, Parts, Said};
 use crate::model::{Layout, Outputs, forward};
 use crate::planning::Planning;
 use crate::settings::{LossWeights, Rules};
-use crate::tape::{Scalar, Tape, Var};
+use crate::tape::{Scalar, Spare, Spares, Tape, Var};
 use crate::windows::Window;
 
-/// Windows that share a tape.
-pub const TOGETHER: usize = 8;
+/// Windows that one thread takes, tape after tape.
+pub const GROUP: usize = 8;
+/// Windows that share a tape: of more, products go no faster, and memory grows.
+pub const TOGETHER: usize = 4;
 
 /// What is done with a batch.
 #[derive(Clone, Debug)]
@@ -51,7 +53,7 @@ impl Work {
 }
 
 /// What comes of it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Done<T> {
     /// The gradient by all parameters; empty if it was not wanted.
     pub gradient: Vec<T>,
@@ -75,60 +77,125 @@ pub struct BatchError {
     pub error: LossError,
 }
 
-/// Does the work on a batch, with the current rayon pool.
+/// Does the work on a batch, with the current rayon pool and the memory of a batch before.
 ///
 /// # Errors
 /// [`BatchError`] names the first window, in the batch's order, that has no loss.
-pub fn run<T: Scalar>(layout: &Layout, values: &[T], windows: &[&Window], work: &Work) -> Result<Done<T>, BatchError> {
+pub fn run<T: Scalar>(
+    layout: &Layout,
+    values: &[T],
+    windows: &[&Window],
+    work: &Work,
+    spares: &Spares<T>,
+) -> Result<Done<T>, BatchError> {
     let divisors = Divisors::of(windows, work.rules);
-    let mut groups: Vec<_> = windows
-        .chunks(TOGETHER)
-        .enumerate()
-        .map(|(index, windows)| Group { index: index as u64, windows, heard: None })
+    let batch = Batch { layout, values, work, divisors, spares };
+    let mut first = None;
+    let lead =
+        windows.chunks(TOGETHER).next().filter(|_| work.couples && work.planning.is_some()).and_then(|windows| {
+            let heard = batch.hear(0, windows, spares.take());
+            let lead = lead(&heard, windows, work);
+            first = Some(heard);
+            lead
+        });
+    let mut groups: Vec<_> = windows.chunks(GROUP).enumerate().map(|(index, windows)| (index, windows, None)).collect();
+    if let Some((.., heard)) = groups.first_mut() {
+        *heard = first;
+    }
+    let groups: Vec<_> = groups
+        .into_par_iter()
+        .map(|(index, windows, heard)| batch.group(index, windows, heard, lead.as_ref()))
         .collect();
-    let lead = groups.first_mut().filter(|_| work.couples && work.planning.is_some()).and_then(|first| {
-        let heard = first.hear(layout, values, work);
-        let lead = lead(&heard, first.windows, work);
-        first.heard = Some(heard);
-        lead
-    });
-    let groups: Vec<_> =
-        groups.into_par_iter().map(|group| run_group(layout, values, group, work, &divisors, lead.as_ref())).collect();
-    let mut done = Done { gradient: Vec::new(), parts: Parts::default(), prior: 0.0, windows: Vec::new() };
+    // In the order of the windows: the first without a loss is told.
+    let mut groups = groups.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter();
+    let Some(mut done) = groups.next() else { return Ok(Done::default()) };
+    let mut gradients = Vec::new();
     for group in groups {
-        let group = group?;
-        if done.gradient.is_empty() {
-            done.gradient = group.gradient;
-        } else {
-            done.gradient.iter_mut().zip(group.gradient).for_each(|(sum, part)| *sum = *sum + part);
-        }
+        gradients.push(group.gradient);
         group.windows.iter().for_each(|(_, parts, _)| done.parts.add(parts));
         done.prior += group.prior;
         done.windows.extend(group.windows);
     }
+    done.gradient.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, sum)| {
+        for gradient in &gradients {
+            let more = &gradient[chunk * CHUNK..][..sum.len()];
+            sum.iter_mut().zip(more).for_each(|(sum, more)| *sum = *sum + *more);
+        }
+    });
+    let mut spare = spares.take();
+    gradients.into_iter().for_each(|gradient| spare.keep(gradient));
+    spares.bring(spare);
     Ok(done)
 }
 
-/// Windows that share a tape.
-struct Group<'a, T: Scalar> {
-    index: u64,
-    windows: &'a [&'a Window],
-    /// What the network says of them, if it was asked already.
-    heard: Option<Heard<'a, T>>,
+/// How many numbers a thread sums at a time.
+const CHUNK: usize = 1 << 16;
+
+/// What all windows of a batch have in common.
+struct Batch<'a, T: Scalar> {
+    layout: &'a Layout,
+    values: &'a [T],
+    work: &'a Work,
+    divisors: Divisors,
+    spares: &'a Spares<T>,
 }
 
 /// A tape, and where on it the network's outputs are.
 type Heard<'a, T> = (Tape<'a, T>, Outputs);
 
-impl<'a, T: Scalar> Group<'a, T> {
-    /// The network's forward pass.
-    fn hear(&self, layout: &Layout, values: &'a [T], work: &Work) -> Heard<'a, T> {
+impl<'a, T: Scalar> Batch<'a, T> {
+    /// The network's forward pass over the windows of tape `index`.
+    fn hear(&self, index: usize, windows: &[&Window], spare: Spare<T>) -> Heard<'a, T> {
         // Far apart, or neighbouring seeds would begin alike.
-        let dropout = work.dropout.map(|(seed, rate)| (seed ^ self.index.wrapping_mul(0x9e37_79b9_7f4a_7c15), rate));
-        let mut tape = Tape::new(dropout);
-        let sketches: Vec<_> = self.windows.iter().map(|window| &window.sketch).collect();
-        let outputs = forward(&mut tape, layout, values, &sketches);
+        let far = (index as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let mut tape = Tape::new(self.work.dropout.map(|(seed, rate)| (seed ^ far, rate)), spare);
+        let sketches: Vec<_> = windows.iter().map(|window| &window.sketch).collect();
+        let outputs = forward(&mut tape, self.layout, self.values, &sketches);
         (tape, outputs)
+    }
+
+    /// The windows of group `index`, tape after tape; the first may have been heard already.
+    fn group(
+        &self,
+        index: usize,
+        windows: &[&Window],
+        mut heard: Option<Heard<'a, T>>,
+        lead: Option<&Choices>,
+    ) -> Result<Done<T>, BatchError> {
+        let work = self.work;
+        let mut spare = self.spares.take();
+        let mut done = Done::default();
+        if work.wants_gradient {
+            done.gradient = spare.zeros(self.layout.count());
+        }
+        let mut loss = work.loss(lead.cloned());
+        for (tape, windows) in windows.chunks(TOGETHER).enumerate() {
+            let number = index * (GROUP / TOGETHER) + tape;
+            let (tape, outputs) =
+                heard.take().unwrap_or_else(|| self.hear(number, windows, std::mem::take(&mut spare)));
+            let first = done.windows.len();
+            for (sample, window) in windows.iter().enumerate() {
+                let said = said(&tape, &outputs, sample, window);
+                let (parts, by) = loss.of(window, &said, &self.divisors).map_err(|error| BatchError {
+                    scene: window.scene.clone(),
+                    step: window.step,
+                    error,
+                })?;
+                done.parts.add(&parts);
+                done.windows.push((said, parts, by));
+            }
+            if let (0, Some((weight, start)), Some((said, _, by))) = (number, work.prior, done.windows.first_mut()) {
+                done.prior = loss.prior(weight, &start, said, by);
+            }
+            spare = if work.wants_gradient {
+                let seeds = seeds(&tape, &outputs, &done.windows[first..]);
+                tape.backward(seeds, &mut done.gradient)
+            } else {
+                tape.discard()
+            };
+        }
+        self.spares.bring(spare);
+        Ok(done)
     }
 }
 
@@ -136,39 +203,6 @@ impl<'a, T: Scalar> Group<'a, T> {
 fn lead<T: Scalar>((tape, outputs): &Heard<'_, T>, windows: &[&Window], work: &Work) -> Option<Choices> {
     let window = windows.first()?;
     work.loss(None).solve(window, &said(tape, outputs, 0, window)).ok().flatten().map(Layer::choices)
-}
-
-fn run_group<'a, T: Scalar>(
-    layout: &Layout,
-    values: &'a [T],
-    mut group: Group<'a, T>,
-    work: &Work,
-    divisors: &Divisors,
-    lead: Option<&Choices>,
-) -> Result<Done<T>, BatchError> {
-    let (tape, outputs) = group.heard.take().unwrap_or_else(|| group.hear(layout, values, work));
-    let (windows, index) = (group.windows, group.index);
-    let mut loss = work.loss(lead.cloned());
-    let mut done =
-        Done { gradient: Vec::new(), parts: Parts::default(), prior: 0.0, windows: Vec::with_capacity(windows.len()) };
-    for (sample, window) in windows.iter().enumerate() {
-        let said = said(&tape, &outputs, sample, window);
-        let (parts, by) = loss.of(window, &said, divisors).map_err(|error| BatchError {
-            scene: window.scene.clone(),
-            step: window.step,
-            error,
-        })?;
-        done.windows.push((said, parts, by));
-    }
-    if let (0, Some((weight, start)), Some((said, _, by))) = (index, work.prior, done.windows.first_mut()) {
-        done.prior = loss.prior(weight, &start, said, by);
-    }
-    if work.wants_gradient {
-        let seeds = seeds(&tape, &outputs, &done.windows);
-        done.gradient = vec![T::ZERO; layout.count()];
-        tape.backward(seeds, &mut done.gradient);
-    }
-    Ok(done)
 }
 
 /// What the tape says of a window.

@@ -11,6 +11,7 @@ use crate::planning::Planning;
 use crate::settings::{Mode, Rules, Settings};
 use crate::start::{StartError, first_cost};
 use crate::step::{Answer, Ask, Learner, StepError, Terms};
+use crate::tape::Spares;
 use crate::windows::Window;
 
 /// What reckons on this machine's cores.
@@ -20,6 +21,7 @@ pub struct Reckoner {
     layout: Layout,
     /// The cost's weights at the beginning, for the penalty on how far they are from it.
     start: Option<[f64; TERMS]>,
+    spares: Spares<f32>,
 }
 
 impl Reckoner {
@@ -29,7 +31,12 @@ impl Reckoner {
     /// [`StartError`] where the cost is held near that of a file that cannot be read.
     pub fn new(settings: &Settings) -> Result<Self, StartError> {
         let start = if settings.cost.prior > 0.0 { first_cost(settings)? } else { None };
-        Ok(Self { settings: settings.clone(), layout: Layout::new(settings.variant()), start })
+        Ok(Self {
+            settings: settings.clone(),
+            layout: Layout::new(settings.variant()),
+            start,
+            spares: Spares::default(),
+        })
     }
 }
 
@@ -47,7 +54,7 @@ impl Learner for Reckoner {
             wants_gradient: ask.wants_gradient,
         };
         let windows: Vec<&Window> = ask.windows.iter().collect();
-        let done = batch::run(&self.layout, ask.parameters.values(), &windows, &work)?;
+        let done = batch::run(&self.layout, ask.parameters.values(), &windows, &work, &self.spares)?;
         let weights = &settings.loss;
         let parts = &done.parts;
         let predicted = parts.predicted.max(1.0);

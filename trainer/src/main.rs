@@ -9,10 +9,6 @@ use std::process::ExitCode;
 use clap::Parser;
 use trainer::commands::Command;
 
-/// What a step frees is kept for the next.
-#[global_allocator]
-static MEMORY: mimalloc::MiMalloc = mimalloc::MiMalloc;
-
 /// Train the learned predictor, alone or through the planner.
 #[derive(Debug, Parser)]
 #[command(name = "trainer", max_term_width = 100)]

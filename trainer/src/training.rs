@@ -137,7 +137,7 @@ pub enum TrainingError {
     Form(u64),
     /// The weights to begin with cannot be read.
     #[error(transparent)]
-    Start(#[from] StartError),
+    Start(Box<StartError>),
     /// The weights cannot be written.
     #[error(transparent)]
     Weights(#[from] WeightsError),
@@ -186,7 +186,7 @@ fn begin(task: &Task<'_>) -> Result<Checkpoint, TrainingError> {
     let path = task.folder.join(CHECKPOINT);
     let windows = task.examples.digest();
     if !path.exists() {
-        return Ok(Checkpoint::first(task.settings, windows, start::first(task.settings)?));
+        return Ok(Checkpoint::first(task.settings, windows, start::first(task.settings).map_err(Box::new).map_err(TrainingError::Start)?));
     }
     if !task.resume {
         return Err(TrainingError::Exists(task.folder.to_owned()));

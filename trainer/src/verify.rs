@@ -13,7 +13,7 @@ use crate::model::Layout;
 use crate::parameters::{Parameters, tensors};
 use crate::planning::Planning;
 use crate::settings::{LossWeights, Rules, Settings};
-use crate::tape::Scalar;
+use crate::tape::{Scalar, Spares};
 use crate::windows::{Sketch, Window};
 
 /// Residuals of the authors' planner.
@@ -92,7 +92,7 @@ pub fn work(planner: bool, couples: bool) -> Work {
 pub fn step<T: Scalar>(parameters: &Parameters, windows: &[&Window], work: &Work) -> Result<Done<T>, BatchError> {
     let layout = Layout::new(parameters.variant());
     let values: Vec<T> = parameters.values().iter().map(|value| T::of(f64::from(*value))).collect();
-    batch::run(&layout, &values, windows, work)
+    batch::run(&layout, &values, windows, work, &Spares::default())
 }
 
 /// What is compared in double and in single precision.

@@ -46,7 +46,7 @@ fn holds(windows: &[Window], work: Work) {
     let layout = Layout::new(Variant::Joint);
     let windows: Vec<&Window> = windows.iter().collect();
     let values = values();
-    let done = run(&layout, &values, &windows, work).unwrap();
+    let done = run(&layout, &values, &windows, work, &Spares::default()).unwrap();
     assert!(done.gradient.iter().all(|value| value.is_finite()));
     let best: Vec<usize> = done.windows.iter().map(|(.., by)| by.future).collect();
     let mut checked = 0;
@@ -63,7 +63,9 @@ fn holds(windows: &[Window], work: Work) {
         let at = |change: f64| {
             let mut moved = values.clone();
             moved[index] += change;
-            let done = run(&layout, &moved, &windows, &Work { wants_gradient: false, ..work.clone() }).unwrap();
+            let done =
+                run(&layout, &moved, &windows, &Work { wants_gradient: false, ..work.clone() }, &Spares::default())
+                    .unwrap();
             let same = done.windows.iter().zip(&best).all(|((.., by), best)| by.future == *best);
             same.then(|| done.parts.total(&work.weights, true))
         };
@@ -125,10 +127,11 @@ fn where_nobody_moves_no_gradient_is_nan() {
     }
     for window in [&window, &on_the_av] {
         for rules in [Rules::Authors, Rules::Mended] {
-            let planned = run(&layout, &values, &[window], &work(rules, true)).unwrap();
+            let planned = run(&layout, &values, &[window], &work(rules, true), &Spares::default()).unwrap();
             assert!(planned.gradient.iter().all(|value| value.is_finite()));
             // What it is: predictions that are right teach nothing, and steering a vehicle that stands moves nothing.
-            let (.., by) = &run(&layout, &values, &[&standing()], &work(rules, false)).unwrap().windows[0];
+            let (.., by) =
+                &run(&layout, &values, &[&standing()], &work(rules, false), &Spares::default()).unwrap().windows[0];
             assert!(by.poses.as_flattened().as_flattened().iter().all(|value| *value == 0.0));
             assert!(by.plan.steering.iter().all(|value| *value == 0.0), "{:?}", by.plan.steering);
         }
@@ -144,7 +147,7 @@ fn a_batch_gives_the_same_bytes_for_any_number_of_threads() {
     let work = Work { dropout: Some((5, 0.1)), ..work(Rules::Mended, true) };
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let done = pool.install(|| run(&layout, parameters.values(), &windows, &work)).unwrap();
+        let done = pool.install(|| run(&layout, parameters.values(), &windows, &work, &Spares::default())).unwrap();
         (done.gradient.iter().map(|value| value.to_bits()).collect::<Vec<u32>>(), done.parts)
     };
     assert!(with(1) == with(3));
@@ -157,7 +160,8 @@ fn a_window_without_a_finite_loss_is_named() {
     let layout = Layout::new(Variant::Joint);
     let parameters = Parameters::of(&Weights::formula(Variant::Joint));
     let windows: Vec<&Window> = windows.iter().collect();
-    let error = run(&layout, parameters.values(), &windows, &work(Rules::Mended, true)).unwrap_err();
+    let error =
+        run(&layout, parameters.values(), &windows, &work(Rules::Mended, true), &Spares::default()).unwrap_err();
     assert_eq!((error.scene.as_str(), error.step), (windows[1].scene.as_str(), windows[1].step));
     assert!(error.to_string().contains("reference line"), "{error}");
 }

@@ -2,7 +2,7 @@
 
 use network::constants::{CROSSWALK_ROW, CROSSWALKS, HEADS, LANE_NUMBERS, LANE_ROW, LANES, POINTS, SLOTS, WIDTH};
 
-use crate::tape::{Part, Scalar, Slot, Var};
+use crate::tape::{Activation, Part, Scalar, Slot, Var};
 use crate::windows::Sketch;
 
 use super::Net;
@@ -129,10 +129,8 @@ impl<'a, T: Scalar> Net<'_, 'a, T> {
         let weight = self.parameter("lane_net.pointnet.0.weight");
         let folded = self.tape.product(weight, inner);
         let bias = self.parameter("lane_net.pointnet.0.bias");
-        let hidden = self.tape.linear(x, folded, Some(bias));
-        let hidden = self.tape.relu(hidden);
-        let encoded = self.linear("lane_net.pointnet.2", hidden);
-        self.tape.relu(encoded)
+        let hidden = self.tape.linear(x, folded, Some(bias), Activation::Relu);
+        self.linear("lane_net.pointnet.2", hidden, Activation::Relu)
     }
 
     /// All different points of crosswalks, encoded; the last is an empty one.
@@ -141,8 +139,7 @@ impl<'a, T: Scalar> Net<'_, 'a, T> {
         let x: Vec<T> = points.flatten().map(|value| T::of(f64::from(*value))).collect();
         let mut x = self.tape.constant(x.len() / CROSSWALK_ROW, CROSSWALK_ROW, x);
         for layer in [0, 2, 4] {
-            x = self.linear(&format!("crosswalk_net.point_net.{layer}"), x);
-            x = self.tape.relu(x);
+            x = self.linear(&format!("crosswalk_net.point_net.{layer}"), x, Activation::Relu);
         }
         debug_assert_eq!(self.tape.value(x).columns, WIDTH);
         x

@@ -16,6 +16,7 @@ mod map;
 use network::constants::{COST_WEIGHTS, HEADS, HISTORY, MAP_HEADS, STATE, WIDTH};
 use network::weights::Variant;
 
+use crate::tape::Activation::{self, Elu, Relu};
 use crate::tape::{LstmLayer, Scalar, Slot, Tape, Var};
 use crate::windows::Sketch;
 
@@ -73,9 +74,8 @@ pub fn forward<'a, T: Scalar>(
     }
     if variant == Variant::Joint {
         let one = net.tape.constant(1, 1, vec![T::ONE]);
-        let hidden = net.linear("plan.cost.0", one);
-        let hidden = net.tape.relu(hidden);
-        outputs.cost = Some(net.linear("plan.cost.2", hidden));
+        let hidden = net.linear("plan.cost.0", one, Relu);
+        outputs.cost = Some(net.linear("plan.cost.2", hidden, Activation::None));
         debug_assert_eq!(outputs.cost.map(|cost| net.tape.value(cost).columns), Some(COST_WEIGHTS));
     }
     outputs
@@ -107,9 +107,9 @@ impl<'a, T: Scalar> Net<'_, 'a, T> {
         )
     }
 
-    fn linear(&mut self, name: &str, x: Var) -> Var {
+    fn linear(&mut self, name: &str, x: Var, activation: Activation) -> Var {
         let (weight, bias) = (self.parameter(&format!("{name}.weight")), self.parameter(&format!("{name}.bias")));
-        self.tape.linear(x, weight, Some(bias))
+        self.tape.linear(x, weight, Some(bias), activation)
     }
 
     fn norm(&mut self, name: &str, x: Var) -> Var {
@@ -120,22 +120,21 @@ impl<'a, T: Scalar> Net<'_, 'a, T> {
     /// A single query of each slot to the rows it may look at (5.5, 5.6), without what follows.
     fn attention(&mut self, name: &str, heads: usize, queries: Var, rows: Var, slots: Vec<Slot>) -> Var {
         let (weight, bias) = self.projection(name, 0);
-        let query = self.tape.linear(queries, weight, Some(bias));
+        let query = self.tape.linear(queries, weight, Some(bias), Activation::None);
         let (keys, _) = self.projection(name, 1);
         let folded = self.tape.folded_queries(query, keys, heads);
         let pooled = self.tape.pooled(folded, rows, heads, slots);
         let (weight, bias) = self.projection(name, 2);
         let values = self.tape.pooled_values(pooled, weight, bias, heads);
-        self.linear(&format!("{name}.out_proj"), values)
+        self.linear(&format!("{name}.out_proj"), values, Activation::None)
     }
 
     /// Norm, wide layer, norm; no residual (5.5).
     fn feed_forward(&mut self, name: &str, x: Var) -> Var {
         let x = self.norm(&format!("{name}.0"), x);
-        let wide = self.linear(&format!("{name}.1"), x);
-        let wide = self.tape.relu(wide);
+        let wide = self.linear(&format!("{name}.1"), x, Relu);
         let wide = self.tape.dropout(wide);
-        let x = self.linear(&format!("{name}.4"), wide);
+        let x = self.linear(&format!("{name}.4"), wide, Activation::None);
         self.norm(&format!("{name}.5"), x)
     }
 
@@ -178,17 +177,16 @@ impl<'a, T: Scalar> Net<'_, 'a, T> {
         let name = |part: &str| format!("agent_agent.interaction_net.layers.{layer}.{part}");
         let (weight, bias) =
             (self.parameter(&name("self_attn.in_proj_weight")), self.parameter(&name("self_attn.in_proj_bias")));
-        let projected = self.tape.linear(x, weight, Some(bias));
+        let projected = self.tape.linear(x, weight, Some(bias), Activation::None);
         let seen = crew.rows.iter().map(|row| row.is_seen).collect();
         let heard = self.tape.among(projected, HEADS, crew.samples.clone(), seen);
-        let heard = self.linear(&name("self_attn.out_proj"), heard);
+        let heard = self.linear(&name("self_attn.out_proj"), heard, Activation::None);
         let heard = self.tape.dropout(heard);
         let x = self.tape.sum(x, heard);
         let x = self.norm(&name("norm1"), x);
-        let wide = self.linear(&name("linear1"), x);
-        let wide = self.tape.relu(wide);
+        let wide = self.linear(&name("linear1"), x, Relu);
         let wide = self.tape.dropout(wide);
-        let more = self.linear(&name("linear2"), wide);
+        let more = self.linear(&name("linear2"), wide, Activation::None);
         let more = self.tape.dropout(more);
         let x = self.tape.sum(x, more);
         self.norm(&name("norm2"), x)
@@ -205,9 +203,8 @@ impl<'a, T: Scalar> Net<'_, 'a, T> {
     /// A decoder of two layers (5.7).
     fn decoded(&mut self, name: &str, x: Var) -> Var {
         let x = self.tape.dropout(x);
-        let hidden = self.linear(&format!("{name}.1"), x);
-        let hidden = self.tape.elu(hidden);
-        self.linear(&format!("{name}.3"), hidden)
+        let hidden = self.linear(&format!("{name}.1"), x, Elu);
+        self.linear(&format!("{name}.3"), hidden, Activation::None)
     }
 
     /// Scores of the futures (5.8); nothing but this head learns from them.
@@ -217,17 +214,15 @@ impl<'a, T: Scalar> Net<'_, 'a, T> {
         let together = self.most(agents, crew.samples.iter().map(of_rows).collect());
         let pooled = self.tape.beside(map, together);
         let pooled = self.tape.dropout(pooled);
-        let reduced = self.linear("score.reduce.1", pooled);
-        let reduced = self.tape.elu(reduced);
+        let reduced = self.linear("score.reduce.1", pooled, Elu);
         let mut scores = Vec::new();
         for future in futures {
             let pooled = self.most(*future, crew.samples.iter().map(of_rows).collect());
             let both = self.tape.beside(reduced, pooled);
             let both = self.tape.dropout(both);
-            let hidden = self.linear("score.decode.1", both);
-            let hidden = self.tape.elu(hidden);
+            let hidden = self.linear("score.decode.1", both, Elu);
             // The tensors' numbers leave no place for a dropout before the last layer, though the text has one.
-            scores.push(self.linear("score.decode.3", hidden));
+            scores.push(self.linear("score.decode.3", hidden, Activation::None));
         }
         scores
     }

@@ -20,7 +20,7 @@ impl<'a, T: Scalar> Tape<'a, T> {
     pub fn pooled(&mut self, queries: Var, points: Var, heads: usize, slots: Vec<Slot>) -> Var {
         let width = self.value(points).columns;
         let wide = heads * (width + 1);
-        let mut y = vec![T::ZERO; slots.len() * wide];
+        let mut y = self.spare.any(slots.len() * wide);
         // Of each slot the shares before and after dropout, `[head][row]`.
         let mut shares: Vec<(Vec<T>, Option<Vec<T>>)> = Vec::with_capacity(slots.len());
         let mut seen = Vec::new();
@@ -47,7 +47,7 @@ impl<'a, T: Scalar> Tape<'a, T> {
             wide,
             y,
             Box::new(move |values, gradient, gradients| {
-                let mut seen = Vec::new();
+                let (mut seen, mut by_seen) = (Vec::new(), Vec::new());
                 for ((slot, (share, kept)), gradient) in slots.iter().zip(&shares).zip(gradient.chunks_exact(wide)) {
                     let count = slot.rows.len();
                     let (by_pooled, by_sums) = gradient.split_at(heads * width);
@@ -71,7 +71,7 @@ impl<'a, T: Scalar> Tape<'a, T> {
                         T::multiply(true, Plain(&by_shares), Plain(&seen), [heads, count, width], sum);
                     }
                     if let Some(sum) = gradients.by(values, points) {
-                        let mut by_seen = vec![T::ZERO; count * width];
+                        by_seen.resize(count * width, T::ZERO);
                         T::multiply(false, Transposed(&used), Plain(by_pooled), [count, heads, width], &mut by_seen);
                         T::multiply(true, Transposed(&by_shares), Plain(query), [count, heads, width], &mut by_seen);
                         for (row, g) in slot.rows.iter().zip(by_seen.chunks_exact(width)) {
@@ -82,6 +82,7 @@ impl<'a, T: Scalar> Tape<'a, T> {
                         }
                     }
                 }
+                gradients.spare.keep(gradient);
             }),
         )
     }
@@ -92,7 +93,7 @@ impl<'a, T: Scalar> Tape<'a, T> {
         let (n, width) = (self.value(projected).rows, self.value(projected).columns / 3);
         let head = width / heads;
         let scale = T::ONE / T::of(head as f64).root();
-        let mut y = vec![T::ZERO; n * width];
+        let mut y = self.spare.zeros(n * width);
         // For each row and head, shares of the rows of its group that are seen.
         let mut shares: Vec<(Vec<T>, Option<Vec<T>>)> = Vec::new();
         // Where a row's query (0), key (1) or value (2) of a head begins.

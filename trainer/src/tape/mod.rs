@@ -10,6 +10,8 @@
 //! | `rows` | rows picked, matrices side by side |
 //! | `recurrent` | LSTMs of two layers |
 //! | `attention` | attention to chosen rows, and within groups |
+//! | `spare` | memory that is used again |
+//! | `wide` | loops on wide vectors |
 
 mod attention;
 mod pointwise;
@@ -17,16 +19,20 @@ mod products;
 mod recurrent;
 mod rows;
 mod scalar;
+mod spare;
 #[cfg(test)]
 mod tests;
+mod wide;
 
 use std::borrow::Cow;
 use std::ops::Range;
 
 pub use attention::Slot;
+pub use products::Activation;
 pub use recurrent::LstmLayer;
 pub use rows::Part;
 pub use scalar::Scalar;
+pub use spare::{Spare, Spares};
 
 /// A value on the tape.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,8 +49,8 @@ pub struct Matrix<'a, T: Clone> {
     pub data: Cow<'a, [T]>,
 }
 
-/// What walks a gradient back through one operation.
-type Back<'a, T> = Box<dyn FnOnce(&Values<'a, T>, &[T], &mut Gradients<'_, T>) + Send + 'a>;
+/// What walks a gradient back through one operation; the gradient is handed over.
+type Back<'a, T> = Box<dyn FnOnce(&Values<'a, T>, Vec<T>, &mut Gradients<'_, T>) + Send + 'a>;
 
 /// The tape. It borrows the parameters.
 pub struct Tape<'a, T: Scalar> {
@@ -52,6 +58,7 @@ pub struct Tape<'a, T: Scalar> {
     /// What each value came from; none for leaves.
     backs: Vec<Option<Back<'a, T>>>,
     dropout: Option<Dropout>,
+    spare: Spare<T>,
 }
 
 /// All values, by their number.
@@ -75,6 +82,7 @@ pub struct Gradients<'g, T> {
     /// By all parameters.
     parameters: &'g mut [T],
     others: Vec<Option<Vec<T>>>,
+    spare: Spare<T>,
 }
 
 impl<'a, T: Clone> Values<'a, T> {
@@ -88,24 +96,49 @@ impl<'a, T: Clone> Values<'a, T> {
 impl<T: Scalar> Gradients<'_, T> {
     /// Where the gradient by a value is summed; none if nothing learned is behind it.
     fn by(&mut self, values: &Values<'_, T>, var: Var) -> Option<&mut [T]> {
+        let (has, sum) = self.place(values, var)?;
+        if !has {
+            sum.fill(T::ZERO);
+        }
+        Some(sum)
+    }
+
+    /// The same, and whether there is something to add to: else the numbers there have no meaning.
+    fn place(&mut self, values: &Values<'_, T>, var: Var) -> Option<(bool, &mut [T])> {
         if !values.learned[var.0] {
             return None;
         }
         if let Some(place) = &values.places[var.0] {
-            return Some(&mut self.parameters[place.clone()]);
+            return Some((true, &mut self.parameters[place.clone()]));
         }
-        Some(self.others[var.0].get_or_insert_with(|| vec![T::ZERO; values.matrices[var.0].data.len()]))
+        let place = &mut self.others[var.0];
+        let has = place.is_some();
+        Some((has, place.get_or_insert_with(|| self.spare.any(values.matrices[var.0].data.len()))))
+    }
+
+    /// Hands over what is to be added to the gradient by a value.
+    fn give(&mut self, values: &Values<'_, T>, var: Var, gradient: Vec<T>) {
+        let is_first = values.learned[var.0] && values.places[var.0].is_none() && self.others[var.0].is_none();
+        if is_first {
+            self.others[var.0] = Some(gradient);
+            return;
+        }
+        if let Some(sum) = self.by(values, var) {
+            sum.iter_mut().zip(&gradient).for_each(|(sum, more)| *sum = *sum + *more);
+        }
+        self.spare.keep(gradient);
     }
 }
 
 impl<'a, T: Scalar> Tape<'a, T> {
-    /// An empty one. With dropout where a seed and a rate are given; without it the operation does nothing.
+    /// An empty one. With dropout where a seed and a rate are given; without it the operation does nothing. It takes its memory from `spare`.
     #[must_use]
-    pub fn new(dropout: Option<(u64, f64)>) -> Self {
+    pub fn new(dropout: Option<(u64, f64)>, spare: Spare<T>) -> Self {
         Self {
             values: Values { matrices: Vec::new(), places: Vec::new(), learned: Vec::new() },
             backs: Vec::new(),
             dropout: dropout.map(|(seed, rate)| Dropout { random: fastrand::Rng::with_seed(seed), rate }),
+            spare,
         }
     }
 
@@ -154,21 +187,34 @@ impl<'a, T: Scalar> Tape<'a, T> {
         Var(self.backs.len() - 1)
     }
 
-    /// Walks gradients by these values back, and adds what comes out to those by the parameters.
-    pub fn backward(mut self, from: Vec<(Var, Vec<T>)>, parameters: &mut [T]) {
-        let mut gradients = Gradients { parameters, others: vec![None; self.backs.len()] };
+    /// Walks gradients by these values back, and adds what comes out to those by the parameters. Its memory can be used again.
+    pub fn backward(mut self, from: Vec<(Var, Vec<T>)>, parameters: &mut [T]) -> Spare<T> {
+        let spare = std::mem::take(&mut self.spare);
+        let mut gradients = Gradients { parameters, others: vec![None; self.backs.len()], spare };
         for (var, gradient) in from {
-            if let Some(sum) = gradients.by(&self.values, var) {
-                sum.iter_mut().zip(gradient).for_each(|(sum, more)| *sum = *sum + more);
-            }
+            gradients.give(&self.values, var, gradient);
         }
         for index in (0..self.backs.len()).rev() {
             let Some(back) = self.backs[index].take() else { continue };
             if let Some(gradient) = gradients.others[index].take() {
-                back(&self.values, &gradient, &mut gradients);
+                back(&self.values, gradient, &mut gradients);
             }
             // What came after it is done with it.
-            self.values.matrices[index].data = Cow::Owned(Vec::new());
+            if let Cow::Owned(numbers) = std::mem::take(&mut self.values.matrices[index].data) {
+                gradients.spare.keep(numbers);
+            }
         }
+        self.spare = gradients.spare;
+        self.discard()
+    }
+
+    /// The memory that can be used again; nothing is walked back.
+    pub fn discard(mut self) -> Spare<T> {
+        for matrix in self.values.matrices {
+            if let Cow::Owned(numbers) = matrix.data {
+                self.spare.keep(numbers);
+            }
+        }
+        self.spare
     }
 }

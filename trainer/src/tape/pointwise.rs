@@ -6,51 +6,21 @@ use super::{Scalar, Tape, Var};
 const EPSILON: f64 = 1e-5;
 
 impl<'a, T: Scalar> Tape<'a, T> {
-    /// `f` of each number, whose derivative `slope` is a function of the result.
-    fn each(&mut self, x: Var, f: impl Fn(T) -> T, slope: impl Fn(T) -> T + Send + 'a) -> Var {
-        let (rows, columns) = (self.value(x).rows, self.value(x).columns);
-        let y: Vec<T> = self.value(x).data.iter().map(|x| f(*x)).collect();
-        let this = Var(self.backs.len());
-        self.result(
-            &[x],
-            rows,
-            columns,
-            y,
-            Box::new(move |values, gradient, gradients| {
-                if let Some(dx) = gradients.by(values, x) {
-                    let y = &values.get(this).data;
-                    dx.iter_mut().zip(gradient).zip(&**y).for_each(|((dx, g), y)| *dx = *dx + *g * slope(*y));
-                }
-            }),
-        )
-    }
-
-    /// What is positive; a slope of 0 at 0.
-    pub fn relu(&mut self, x: Var) -> Var {
-        self.each(x, |x| if x > T::ZERO { x } else { T::ZERO }, |y| if y > T::ZERO { T::ONE } else { T::ZERO })
-    }
-
-    /// Exponential linear unit.
-    pub fn elu(&mut self, x: Var) -> Var {
-        let below = |x: T| x.exponential() - T::ONE;
-        self.each(x, |x| if x > T::ZERO { x } else { below(x) }, |y| if y > T::ZERO { T::ONE } else { y + T::ONE })
-    }
-
     /// `a + b`.
     pub fn sum(&mut self, a: Var, b: Var) -> Var {
         let (rows, columns) = (self.value(a).rows, self.value(a).columns);
-        let y = self.value(a).data.iter().zip(&*self.value(b).data).map(|(a, b)| *a + *b).collect();
+        let mut y = self.spare.any(rows * columns);
+        let both = self.value(a).data.iter().zip(&*self.value(b).data);
+        y.iter_mut().zip(both).for_each(|(y, (a, b))| *y = *a + *b);
         self.result(
             &[a, b],
             rows,
             columns,
             y,
             Box::new(move |values, gradient, gradients| {
-                for var in [a, b] {
-                    if let Some(sum) = gradients.by(values, var) {
-                        sum.iter_mut().zip(gradient).for_each(|(sum, g)| *sum = *sum + *g);
-                    }
-                }
+                let copy = gradients.spare.copied(&gradient);
+                gradients.give(values, a, copy);
+                gradients.give(values, b, gradient);
             }),
         )
     }
@@ -59,16 +29,17 @@ impl<'a, T: Scalar> Tape<'a, T> {
     pub fn dropout(&mut self, x: Var) -> Var {
         let (rows, columns) = (self.value(x).rows, self.value(x).columns);
         let Some(factors) = self.kept(rows * columns) else { return x };
-        let y = self.value(x).data.iter().zip(&factors).map(|(x, factor)| *x * *factor).collect();
+        let mut y = self.spare.any(rows * columns);
+        y.iter_mut().zip(self.value(x).data.iter().zip(&factors)).for_each(|(y, (x, factor))| *y = *x * *factor);
         self.result(
             &[x],
             rows,
             columns,
             y,
-            Box::new(move |values, gradient, gradients| {
-                if let Some(dx) = gradients.by(values, x) {
-                    dx.iter_mut().zip(gradient).zip(&factors).for_each(|((dx, g), factor)| *dx = *dx + *g * *factor);
-                }
+            Box::new(move |values, mut gradient, gradients| {
+                gradient.iter_mut().zip(&factors).for_each(|(g, factor)| *g = *g * *factor);
+                gradients.give(values, x, gradient);
+                gradients.spare.keep(factors);
             }),
         )
     }
@@ -77,13 +48,13 @@ impl<'a, T: Scalar> Tape<'a, T> {
     pub(super) fn kept(&mut self, count: usize) -> Option<Vec<T>> {
         let dropout = self.dropout.as_mut()?;
         let (threshold, factor) = ((dropout.rate * 65_536.0) as u64, T::of(1.0 / (1.0 - dropout.rate)));
-        let mut factors = Vec::with_capacity(count.next_multiple_of(4));
-        while factors.len() < count {
+        let mut factors = self.spare.any(count);
+        for four in factors.chunks_mut(4) {
             let bits = dropout.random.u64(..);
-            let factor_of = |shift: u32| if (bits >> shift) & 0xffff < threshold { T::ZERO } else { factor };
-            factors.extend([0, 16, 32, 48].map(factor_of));
+            for (value, shift) in four.iter_mut().zip([0, 16, 32, 48]) {
+                *value = if (bits >> shift) & 0xffff < threshold { T::ZERO } else { factor };
+            }
         }
-        factors.truncate(count);
         Some(factors)
     }
 
@@ -91,7 +62,7 @@ impl<'a, T: Scalar> Tape<'a, T> {
     pub fn norm(&mut self, x: Var, weight: Var, bias: Var) -> Var {
         let (n, width) = (self.value(x).rows, self.value(x).columns);
         let count = T::of(width as f64);
-        let mut normed = vec![T::ZERO; n * width];
+        let mut normed = self.spare.any(n * width);
         let mut scales = Vec::with_capacity(n);
         for (row, normed) in self.value(x).data.chunks_exact(width).zip(normed.chunks_exact_mut(width)) {
             let mean = total(row.iter().copied()) / count;
@@ -101,11 +72,11 @@ impl<'a, T: Scalar> Tape<'a, T> {
             normed.iter_mut().for_each(|x| *x = *x * scale);
             scales.push(scale);
         }
+        let mut y = self.spare.any(n * width);
         let (w, b) = (&self.value(weight).data, &self.value(bias).data);
-        let y = normed
-            .chunks_exact(width)
-            .flat_map(|row| row.iter().zip(&**w).zip(&**b).map(|((x, w), b)| *x * *w + *b))
-            .collect();
+        for (y, row) in y.chunks_exact_mut(width).zip(normed.chunks_exact(width)) {
+            y.iter_mut().zip(row.iter().zip(&**w).zip(&**b)).for_each(|(y, ((x, w), b))| *y = *x * *w + *b);
+        }
         self.result(
             &[x, weight, bias],
             n,
@@ -118,10 +89,10 @@ impl<'a, T: Scalar> Tape<'a, T> {
                     }
                 }
                 if let Some(db) = gradients.by(values, bias) {
-                    super::products::add_columns(gradient, width, db);
+                    super::products::add_columns(&gradient, width, db);
                 }
                 let w = values.get(weight).data.clone();
-                let Some(dx) = gradients.by(values, x) else { return };
+                let mut dx = gradients.spare.any(n * width);
                 let mut scaled = vec![T::ZERO; width];
                 for (row, dx) in dx.chunks_exact_mut(width).enumerate() {
                     let (g, x) = (&gradient[row * width..][..width], &normed[row * width..][..width]);
@@ -130,9 +101,12 @@ impl<'a, T: Scalar> Tape<'a, T> {
                     let along = total(scaled.iter().zip(x).map(|(s, x)| *s * *x)) / count;
                     let scale = scales[row];
                     for ((dx, s), x) in dx.iter_mut().zip(&scaled).zip(x) {
-                        *dx = *dx + (*s - mean - *x * along) * scale;
+                        *dx = (*s - mean - *x * along) * scale;
                     }
                 }
+                gradients.give(values, x, dx);
+                gradients.spare.keep(gradient);
+                gradients.spare.keep(normed);
             }),
         )
     }

@@ -2,7 +2,8 @@
 
 use super::products::add_columns;
 use super::scalar::Side::{Plain, Transposed};
-use super::{Scalar, Tape, Var};
+use super::wide::{Wide, widely};
+use super::{Scalar, Spare, Tape, Var};
 
 /// A layer's parameters: weights of input and hidden state [4 hidden, inputs] and [4 hidden, hidden], their biases.
 #[derive(Clone, Copy, Debug)]
@@ -53,16 +54,18 @@ impl<'a, T: Scalar> Tape<'a, T> {
             hidden,
             last,
             Box::new(move |values, gradient, gradients| {
-                let mut by_outputs = vec![T::ZERO; steps * count * hidden];
-                by_outputs[(steps - 1) * count * hidden..].copy_from_slice(gradient);
-                let mut back = |run: &Run<T>,
+                let mut by_outputs = gradients.spare.zeros(steps * count * hidden);
+                by_outputs[(steps - 1) * count * hidden..].copy_from_slice(&gradient);
+                gradients.spare.keep(gradient);
+                let mut back = |run: Run<T>,
                                 inputs: &[T],
                                 layer: LstmLayer,
                                 size: Size,
                                 by_outputs: Vec<T>,
                                 wants_inputs: bool| {
                     let wide = 4 * hidden;
-                    let by_gates = by_gates(run, &values.get(layer.hidden).data, size, by_outputs);
+                    let by_gates =
+                        by_gates(&run, &values.get(layer.hidden).data, size, by_outputs, &mut gradients.spare);
                     if let Some(sum) = gradients.by(values, layer.input) {
                         T::multiply(
                             true,
@@ -81,7 +84,8 @@ impl<'a, T: Scalar> Tape<'a, T> {
                             add_columns(&by_gates, wide, sum);
                         }
                     }
-                    let mut by_inputs = vec![T::ZERO; if wants_inputs { steps * count * size.inputs } else { 0 }];
+                    let wanted = if wants_inputs { steps * count * size.inputs } else { 0 };
+                    let mut by_inputs = gradients.spare.any(wanted);
                     if wants_inputs {
                         let w = &values.get(layer.input).data;
                         T::multiply(
@@ -92,19 +96,23 @@ impl<'a, T: Scalar> Tape<'a, T> {
                             &mut by_inputs,
                         );
                     }
+                    for buffer in [run.gates, run.cells, run.tangents, run.outputs, by_gates] {
+                        gradients.spare.keep(buffer);
+                    }
                     by_inputs
                 };
-                let by_first = back(&two, &one.outputs, layers[1], second, by_outputs, true);
-                back(&one, &histories, layers[0], first, by_first, false);
+                let by_first = back(two, &one.outputs, layers[1], second, by_outputs, true);
+                back(one, &histories, layers[0], first, by_first, false);
             }),
         )
     }
 
-    fn run(&self, inputs: &[T], layer: LstmLayer, Size { count, steps, inputs: width, hidden }: Size) -> Run<T> {
+    fn run(&mut self, inputs: &[T], layer: LstmLayer, Size { count, steps, inputs: width, hidden }: Size) -> Run<T> {
         let wide = 4 * hidden;
         let biases = (&self.value(layer.input_bias).data, &self.value(layer.hidden_bias).data);
         let bias: Vec<T> = biases.0.iter().zip(&**biases.1).map(|(a, b)| *a + *b).collect();
-        let mut gates = bias.repeat(steps * count);
+        let mut gates = self.spare.any(steps * count * wide);
+        gates.chunks_exact_mut(wide).for_each(|row| row.copy_from_slice(&bias));
         T::multiply(
             true,
             Plain(inputs),
@@ -113,8 +121,8 @@ impl<'a, T: Scalar> Tape<'a, T> {
             &mut gates,
         );
         let size = steps * count * hidden;
-        let mut run =
-            Run { gates, cells: vec![T::ZERO; size], tangents: vec![T::ZERO; size], outputs: vec![T::ZERO; size] };
+        let [cells, tangents, outputs] = [(); 3].map(|()| self.spare.any(size));
+        let mut run = Run { gates, cells, tangents, outputs };
         let none = vec![T::ZERO; count * hidden];
         for step in 0..steps {
             let (from, part) = (step * count * hidden, count * hidden);
@@ -133,37 +141,44 @@ impl<'a, T: Scalar> Tape<'a, T> {
                 );
             }
             let tangents = &mut run.tangents[from..][..part];
-            pulp::Arch::new().dispatch(
-                #[inline(always)]
-                || advance(hidden, gates, cells_before, &mut cells[..part], tangents, &mut outputs[..part]),
-            );
+            let (cells, outputs) = (&mut cells[..part], &mut outputs[..part]);
+            widely(Advance { hidden, gates, before: cells_before, cells, tangents, outputs });
         }
         run
     }
 }
 
 /// One step: gates before their functions become those after, and lead to cells and outputs.
-#[inline(always)]
-fn advance<T: Scalar>(
+struct Advance<'s, T> {
     hidden: usize,
-    gates: &mut [T],
-    before: &[T],
-    cells: &mut [T],
-    tangents: &mut [T],
-    outputs: &mut [T],
-) {
-    for (row, gates) in gates.chunks_exact_mut(4 * hidden).enumerate() {
-        let here = row * hidden..(row + 1) * hidden;
-        let (i, rest) = gates.split_at_mut(hidden);
-        let (f, rest) = rest.split_at_mut(hidden);
-        let (g, o) = rest.split_at_mut(hidden);
-        let before = &before[here.clone()];
-        let (cells, tangents, outputs) = (&mut cells[here.clone()], &mut tangents[here.clone()], &mut outputs[here]);
-        for k in 0..hidden {
-            (i[k], f[k], g[k], o[k]) = (i[k].sigmoid(), f[k].sigmoid(), g[k].tangent(), o[k].sigmoid());
-            cells[k] = f[k] * before[k] + i[k] * g[k];
-            tangents[k] = cells[k].tangent();
-            outputs[k] = o[k] * tangents[k];
+    gates: &'s mut [T],
+    before: &'s [T],
+    cells: &'s mut [T],
+    tangents: &'s mut [T],
+    outputs: &'s mut [T],
+}
+
+impl<T: Scalar> Wide for Advance<'_, T> {
+    #[inline(always)]
+    fn run(self) {
+        let hidden = self.hidden;
+        let rows = self.gates.chunks_exact_mut(4 * hidden).zip(self.before.chunks_exact(hidden));
+        let states = self.cells.chunks_exact_mut(hidden).zip(self.tangents.chunks_exact_mut(hidden));
+        for (((gates, before), (cells, tangents)), outputs) in
+            rows.zip(states).zip(self.outputs.chunks_exact_mut(hidden))
+        {
+            let (sigmoids, rest) = gates.split_at_mut(2 * hidden);
+            let (g, o) = rest.split_at_mut(hidden);
+            sigmoids.iter_mut().chain(&mut *o).for_each(|gate| *gate = gate.sigmoid());
+            g.iter_mut().for_each(|gate| *gate = gate.tangent());
+            let (i, f) = sigmoids.split_at(hidden);
+            for ((cell, before), ((i, f), g)) in cells.iter_mut().zip(before).zip(i.iter().zip(f).zip(&*g)) {
+                *cell = *f * *before + *i * *g;
+            }
+            tangents.iter_mut().zip(&*cells).for_each(|(tangent, cell)| *tangent = cell.tangent());
+            for (output, (o, tangent)) in outputs.iter_mut().zip(o.iter().zip(&*tangents)) {
+                *output = *o * *tangent;
+            }
         }
     }
 }
@@ -174,55 +189,66 @@ fn by_gates<T: Scalar>(
     weight: &[T],
     Size { count, steps, hidden, .. }: Size,
     mut by_outputs: Vec<T>,
+    spare: &mut Spare<T>,
 ) -> Vec<T> {
     let (wide, part) = (4 * hidden, count * hidden);
-    let mut by_gates = vec![T::ZERO; steps * count * wide];
-    let mut by_cells = vec![T::ZERO; part];
+    let mut by_gates = spare.any(steps * count * wide);
+    let (mut by_cells, none) = (vec![T::ZERO; part], vec![T::ZERO; part]);
     for step in (0..steps).rev() {
         let from = step * part;
         let own = &mut by_gates[step * count * wide..][..count * wide];
         let gates = &run.gates[step * count * wide..][..count * wide];
         let (tangents, by_output) = (&run.tangents[from..][..part], &by_outputs[from..][..part]);
-        let before = (step > 0).then(|| &run.cells[from - part..from]);
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || retreat(hidden, own, gates, tangents, before, by_output, &mut by_cells),
-        );
+        let before = if step == 0 { &none } else { &run.cells[from - part..from] };
+        widely(Retreat { hidden, by_gates: own, gates, tangents, before, by_output, by_cells: &mut by_cells });
         if step > 0 {
             T::multiply(true, Plain(own), Plain(weight), [count, wide, hidden], &mut by_outputs[from - part..from]);
         }
     }
+    spare.keep(by_outputs);
     by_gates
 }
 
 /// One step back.
-#[inline(always)]
-fn retreat<T: Scalar>(
+struct Retreat<'s, T> {
     hidden: usize,
-    by_gates: &mut [T],
-    gates: &[T],
-    tangents: &[T],
-    before: Option<&[T]>,
-    by_output: &[T],
-    by_cells: &mut [T],
-) {
-    for (row, (own, gates)) in by_gates.chunks_exact_mut(4 * hidden).zip(gates.chunks_exact(4 * hidden)).enumerate() {
-        let here = row * hidden..(row + 1) * hidden;
-        let (i, f, g, o) =
-            (&gates[..hidden], &gates[hidden..2 * hidden], &gates[2 * hidden..3 * hidden], &gates[3 * hidden..]);
-        let (di, rest) = own.split_at_mut(hidden);
-        let (df, rest) = rest.split_at_mut(hidden);
-        let (dg, d_o) = rest.split_at_mut(hidden);
-        let (tangents, by_output) = (&tangents[here.clone()], &by_output[here.clone()]);
-        let before = before.map(|before| &before[here.clone()]);
-        let by_cells = &mut by_cells[here];
-        for k in 0..hidden {
-            let by_cell = by_cells[k] + by_output[k] * o[k] * (T::ONE - tangents[k] * tangents[k]);
-            d_o[k] = by_output[k] * tangents[k] * o[k] * (T::ONE - o[k]);
-            di[k] = by_cell * g[k] * i[k] * (T::ONE - i[k]);
-            dg[k] = by_cell * i[k] * (T::ONE - g[k] * g[k]);
-            df[k] = before.map_or(T::ZERO, |before| by_cell * before[k] * f[k] * (T::ONE - f[k]));
-            by_cells[k] = by_cell * f[k];
+    by_gates: &'s mut [T],
+    gates: &'s [T],
+    tangents: &'s [T],
+    /// The cells of the step before.
+    before: &'s [T],
+    by_output: &'s [T],
+    by_cells: &'s mut [T],
+}
+
+impl<T: Scalar> Wide for Retreat<'_, T> {
+    #[inline(always)]
+    fn run(self) {
+        let hidden = self.hidden;
+        let rows = self.by_gates.chunks_exact_mut(4 * hidden).zip(self.gates.chunks_exact(4 * hidden));
+        let states = self.tangents.chunks_exact(hidden).zip(self.before.chunks_exact(hidden));
+        let gradients = self.by_output.chunks_exact(hidden).zip(self.by_cells.chunks_exact_mut(hidden));
+        for (((own, gates), (tangents, before)), (by_output, by_cells)) in rows.zip(states).zip(gradients) {
+            let (i, rest) = gates.split_at(hidden);
+            let (f, rest) = rest.split_at(hidden);
+            let (g, o) = rest.split_at(hidden);
+            let (by_i, rest) = own.split_at_mut(hidden);
+            let (by_f, rest) = rest.split_at_mut(hidden);
+            let (by_g, by_o) = rest.split_at_mut(hidden);
+            let output = by_output.iter().zip(o.iter().zip(tangents));
+            for ((by_o, by_cell), (by_output, (o, tangent))) in by_o.iter_mut().zip(&mut *by_cells).zip(output) {
+                *by_cell = *by_cell + *by_output * *o * (T::ONE - *tangent * *tangent);
+                *by_o = *by_output * *tangent * *o * (T::ONE - *o);
+            }
+            for ((by_i, by_g), (by_cell, (i, g))) in by_i.iter_mut().zip(by_g).zip(by_cells.iter().zip(i.iter().zip(g)))
+            {
+                *by_i = *by_cell * *g * *i * (T::ONE - *i);
+                *by_g = *by_cell * *i * (T::ONE - *g * *g);
+            }
+            for ((by_f, by_cell), (f, before)) in by_f.iter_mut().zip(by_cells).zip(f.iter().zip(before)) {
+                *by_f = *by_cell * *before * *f * (T::ONE - *f);
+                *by_cell = *by_cell * *f;
+            }
         }
     }
 }

@@ -6,7 +6,10 @@ impl<'a, T: Scalar> Tape<'a, T> {
     /// The rows of these numbers, which may come several times.
     pub fn pick(&mut self, x: Var, rows: Vec<usize>) -> Var {
         let width = self.value(x).columns;
-        let y = rows.iter().flat_map(|row| &self.value(x).data[row * width..][..width]).copied().collect();
+        let mut y = self.spare.any(rows.len() * width);
+        for (y, row) in y.chunks_exact_mut(width).zip(&rows) {
+            y.copy_from_slice(&self.value(x).data[row * width..][..width]);
+        }
         self.result(
             &[x],
             rows.len(),
@@ -18,6 +21,7 @@ impl<'a, T: Scalar> Tape<'a, T> {
                         dx[row * width..][..width].iter_mut().zip(g).for_each(|(dx, g)| *dx = *dx + *g);
                     }
                 }
+                gradients.spare.keep(gradient);
             }),
         )
     }
@@ -25,22 +29,28 @@ impl<'a, T: Scalar> Tape<'a, T> {
     /// Matrices of one width, one below the other.
     pub fn stack(&mut self, parts: Vec<Var>) -> Var {
         let width = parts.first().map_or(0, |part| self.value(*part).columns);
-        let y: Vec<T> = parts.iter().flat_map(|part| self.value(*part).data.iter().copied()).collect();
         let rows = parts.iter().map(|part| self.value(*part).rows).sum();
+        let mut y = self.spare.any(rows * width);
+        let mut rest = &mut y[..];
+        for part in &parts {
+            let (own, after) = rest.split_at_mut(self.value(*part).data.len());
+            own.copy_from_slice(&self.value(*part).data);
+            rest = after;
+        }
         self.result(
             &parts.clone(),
             rows,
             width,
             y,
             Box::new(move |values, gradient, gradients| {
-                let mut rest = gradient;
+                let mut rest = &gradient[..];
                 for part in parts {
                     let (own, after) = rest.split_at(values.get(part).data.len());
                     rest = after;
-                    if let Some(sum) = gradients.by(values, part) {
-                        sum.iter_mut().zip(own).for_each(|(sum, g)| *sum = *sum + *g);
-                    }
+                    let own = gradients.spare.copied(own);
+                    gradients.give(values, part, own);
                 }
+                gradients.spare.keep(gradient);
             }),
         )
     }
@@ -49,10 +59,10 @@ impl<'a, T: Scalar> Tape<'a, T> {
     pub fn beside(&mut self, a: Var, b: Var) -> Var {
         let (n, left, right) = (self.value(a).rows, self.value(a).columns, self.value(b).columns);
         let width = left + right;
-        let mut y = Vec::with_capacity(n * width);
-        for row in 0..n {
-            y.extend_from_slice(&self.value(a).data[row * left..][..left]);
-            y.extend_from_slice(&self.value(b).data[row * right..][..right]);
+        let mut y = self.spare.any(n * width);
+        for (row, y) in y.chunks_exact_mut(width).enumerate() {
+            y[..left].copy_from_slice(&self.value(a).data[row * left..][..left]);
+            y[left..].copy_from_slice(&self.value(b).data[row * right..][..right]);
         }
         self.result(
             &[a, b],
@@ -67,6 +77,7 @@ impl<'a, T: Scalar> Tape<'a, T> {
                         }
                     }
                 }
+                gradients.spare.keep(gradient);
             }),
         )
     }

@@ -13,7 +13,7 @@ fn holds(sizes: &[(usize, usize)], f: impl for<'a> Fn(&mut Tape<'a, f64>, &[Var]
     let count: usize = sizes.iter().map(|(rows, columns)| rows * columns).sum();
     let parameters = numbers(count, 7);
     let run = |parameters: &[f64]| {
-        let mut tape = Tape::new(Some((11, 0.25)));
+        let mut tape = Tape::new(Some((11, 0.25)), Spare::default());
         let vars = place(&mut tape, parameters, sizes);
         let y = f(&mut tape, &vars);
         let weights = numbers(tape.value(y).data.len(), 3);
@@ -52,14 +52,14 @@ fn place<'a>(tape: &mut Tape<'a, f64>, parameters: &'a [f64], sizes: &[(usize, u
 
 #[test]
 fn linear_layers_and_products() {
-    holds(&[(3, 4), (5, 4), (1, 5)], |tape, v| tape.linear(v[0], v[1], Some(v[2])));
+    holds(&[(3, 4), (5, 4), (1, 5)], |tape, v| tape.linear(v[0], v[1], Some(v[2]), Activation::None));
+    holds(&[(3, 4), (5, 4), (1, 5)], |tape, v| tape.linear(v[0], v[1], Some(v[2]), Activation::Relu));
+    holds(&[(3, 4), (5, 4)], |tape, v| tape.linear(v[0], v[1], None, Activation::Elu));
     holds(&[(3, 4), (4, 2)], |tape, v| tape.product(v[0], v[1]));
 }
 
 #[test]
 fn what_is_done_number_by_number() {
-    holds(&[(3, 5)], |tape, v| tape.relu(v[0]));
-    holds(&[(3, 5)], |tape, v| tape.elu(v[0]));
     holds(&[(3, 5), (3, 5)], |tape, v| tape.sum(v[0], v[1]));
     holds(&[(4, 5)], |tape, v| tape.dropout(v[0]));
     holds(&[(3, 9), (1, 9), (1, 9)], |tape, v| tape.norm(v[0], v[1], v[2]));
@@ -109,7 +109,7 @@ fn attention_within_groups() {
 #[test]
 fn nothing_comes_through_what_is_detached_and_a_fixed_first_row_stays() {
     let parameters = numbers(6, 1);
-    let mut tape = Tape::new(None);
+    let mut tape = Tape::new(None, Spare::default());
     let vars = place(&mut tape, &parameters, &[(2, 2), (1, 2)]);
     let cut = tape.detached(vars[0]);
     let parts = vec![Part { var: vars[0], at: (0, 0), transposed: false, first_is_fixed: true }];
