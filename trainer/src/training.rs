@@ -186,7 +186,11 @@ fn begin(task: &Task<'_>) -> Result<Checkpoint, TrainingError> {
     let path = task.folder.join(CHECKPOINT);
     let windows = task.examples.digest();
     if !path.exists() {
-        return Ok(Checkpoint::first(task.settings, windows, start::first(task.settings).map_err(Box::new).map_err(TrainingError::Start)?));
+        return Ok(Checkpoint::first(
+            task.settings,
+            windows,
+            start::first(task.settings).map_err(Box::new).map_err(TrainingError::Start)?,
+        ));
     }
     if !task.resume {
         return Err(TrainingError::Exists(task.folder.to_owned()));

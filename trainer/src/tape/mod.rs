@@ -215,6 +215,7 @@ impl<'a, T: Scalar> Tape<'a, T> {
                 self.spare.keep(numbers);
             }
         }
+        self.spare.end();
         self.spare
     }
 }

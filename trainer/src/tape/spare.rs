@@ -7,42 +7,31 @@ use super::Scalar;
 
 /// Shorter ones are left to the allocator.
 const LEAST: usize = 1 << 12;
+/// What so many tapes did not use is let go: the next batch has other sizes.
+const IDLE: u32 = 4;
 
-/// Buffers that nobody needs any more, by what they can hold.
+/// Buffers that nobody needs any more, by what they can hold; the last that came is the first to go.
 #[derive(Debug, Default)]
 pub struct Spare<T> {
-    buffers: BTreeMap<usize, Vec<Vec<T>>>,
+    buffers: BTreeMap<usize, Vec<(u32, Vec<T>)>>,
+    /// How many tapes there were.
+    tapes: u32,
 }
 
 impl<T: Scalar> Spare<T> {
     /// So many numbers, of no meaning: they are to be written before they are read.
     pub(super) fn any(&mut self, count: usize) -> Vec<T> {
-        // One that is much longer would be missed elsewhere.
-        let found = self.buffers.range_mut(count..=count + count / 2).next();
-        let Some((&capacity, buffers)) = found.filter(|_| count >= LEAST) else {
-            if count >= LEAST {
-                self.drop_below(count);
-            }
+        if count < LEAST {
             return vec![T::ZERO; count];
-        };
-        let mut buffer = buffers.pop().unwrap_or_default();
-        if buffers.is_empty() {
-            self.buffers.remove(&capacity);
         }
+        // One that is much longer would be missed elsewhere.
+        let found = self.buffers.range_mut(count..=count + count / 2).find_map(|(_, buffers)| buffers.pop());
+        let Some((_, mut buffer)) = found else { return vec![T::ZERO; count] };
         buffer.resize(count, T::ZERO);
         if cfg!(debug_assertions) {
             buffer.fill(T::of(f64::NAN));
         }
         buffer
-    }
-
-    /// Lets the longest go that is too short for so many numbers: what is held would only grow.
-    fn drop_below(&mut self, count: usize) {
-        let Some((&capacity, buffers)) = self.buffers.range_mut(..count).next_back() else { return };
-        buffers.pop();
-        if buffers.is_empty() {
-            self.buffers.remove(&capacity);
-        }
     }
 
     /// So many zeros.
@@ -62,8 +51,18 @@ impl<T: Scalar> Spare<T> {
     /// Nobody needs it any more.
     pub fn keep(&mut self, buffer: Vec<T>) {
         if buffer.capacity() >= LEAST {
-            self.buffers.entry(buffer.capacity()).or_default().push(buffer);
+            self.buffers.entry(buffer.capacity()).or_default().push((self.tapes, buffer));
         }
+    }
+
+    /// A tape is done.
+    pub(super) fn end(&mut self) {
+        self.tapes = self.tapes.wrapping_add(1);
+        let tapes = self.tapes;
+        self.buffers.retain(|_, buffers| {
+            buffers.retain(|(since, _)| tapes.wrapping_sub(*since) <= IDLE);
+            !buffers.is_empty()
+        });
     }
 }
 
@@ -75,11 +74,34 @@ impl<T: Scalar> Spares<T> {
     /// That of a tape before, if there was one.
     pub fn take(&self) -> Spare<T> {
         // Whoever panicked left nothing half done.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or(Spare { buffers: BTreeMap::new() })
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
     }
 
     /// Brings it back.
     pub fn bring(&self, spare: Spare<T>) {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).push(spare);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_kept_is_used_again_and_what_is_idle_goes() {
+        let mut spare = Spare::<f32>::default();
+        let long = spare.zeros(2 * LEAST);
+        let place = long.as_ptr();
+        spare.keep(long);
+        assert_ne!(spare.any(LEAST).as_ptr(), place, "it is much longer");
+        let again = spare.zeros(2 * LEAST - 5);
+        assert_eq!((again.as_ptr(), again.len()), (place, 2 * LEAST - 5));
+        assert!(again.iter().all(|value| *value == 0.0));
+        spare.keep(again);
+        spare.keep(vec![0.0; LEAST - 1]);
+        (0..IDLE).for_each(|_| spare.end());
+        assert_eq!(spare.buffers.len(), 1);
+        spare.end();
+        assert!(spare.buffers.is_empty());
     }
 }
