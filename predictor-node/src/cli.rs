@@ -37,12 +37,12 @@ pub enum Command {
         /// The step, from 0
         #[arg(long)]
         step: u32,
-        /// A .safetensors file
+        /// A .safetensors file [default: those of dipp, built in]
         #[arg(long, value_name = "FILE")]
-        weights: PathBuf,
-        /// How the features are made
-        #[arg(long, value_enum, default_value_t)]
-        features: FeatureStyle,
+        weights: Option<PathBuf>,
+        /// How the features are made [default: authors, and mended for the weights that are built in]
+        #[arg(long, value_enum)]
+        features: Option<FeatureStyle>,
     },
     /// Hold the prediction network to numbers of the authors' code
     ///

@@ -52,12 +52,18 @@ pub struct Explanation {
 const SCENE: &str = "/reloop/scene";
 const OBSERVATION: &str = "/reloop/observation";
 
-/// Explains a step of a recording, with the weights in the file `weights`.
+/// Explains a step of a recording, with the weights in a file, or those that are built in.
 ///
 /// # Errors
 /// [`ExplainError`].
-pub fn explain(path: &Path, step: u32, weights: &Path, style: FeatureStyle) -> Result<Explanation, ExplainError> {
+pub fn explain(
+    path: &Path,
+    step: u32,
+    weights: Option<&Path>,
+    style: Option<FeatureStyle>,
+) -> Result<Explanation, ExplainError> {
     let model = model(weights)?;
+    let style = style.unwrap_or(FeatureStyle::usual(weights));
     let bytes = recording::load(path)?;
     let mut reader = Reader::new(&bytes).map_err(|why| ExplainError::NotMcap { path: path.to_owned(), why })?;
     let wrong = |topic, what| ExplainError::Message { path: path.to_owned(), topic, what };

@@ -36,7 +36,7 @@ pub enum PredictorKind {
     Ctrv,
     /// What the log says; needs --scenarios
     Oracle,
-    /// The prediction network; needs --weights
+    /// The prediction network
     Network,
 }
 
@@ -50,12 +50,12 @@ pub struct Options {
     /// Where the run's scenes are: files, folders, globs, scene sets; for predictors that read the log
     #[arg(long, value_name = "PATH", num_args = 1..)]
     pub scenarios: Vec<String>,
-    /// The network's weights, a .safetensors file
+    /// The network's weights, a .safetensors file [default: those of dipp, built in]
     #[arg(long, value_name = "FILE")]
     pub weights: Option<PathBuf>,
-    /// How the network's features are made
-    #[arg(long, value_enum, default_value_t)]
-    pub features: FeatureStyle,
+    /// How the network's features are made [default: authors, and mended for the weights that are built in]
+    #[arg(long, value_enum)]
+    pub features: Option<FeatureStyle>,
 }
 
 /// A predictor that cannot be had.

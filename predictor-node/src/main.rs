@@ -38,7 +38,7 @@ fn run(cli: cli::Cli) -> anyhow::Result<ExitCode> {
             return Ok(if holds { ExitCode::SUCCESS } else { ExitCode::from(1) });
         }
         Some(cli::Command::Explain { recording, step, weights, features }) => {
-            terminal::say(&explain(&recording, step, &weights, features)?.to_string())?;
+            terminal::say(&explain(&recording, step, weights.as_deref(), features)?.to_string())?;
             return Ok(ExitCode::SUCCESS);
         }
         None => {}

@@ -1,6 +1,7 @@
 //! The prediction network of the DIPP paper: three joint futures of the ten nearest, the AV's own controls in the likeliest, and the
 //! weights of the planner's cost.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -15,14 +16,27 @@ use world::observation::Briefing;
 use world::plan::{Control, Future, PLAN_STEPS, PredictedTrajectory, UncheckedPrediction};
 use world::scene::TrackId;
 
+/// The weights of the driver `dipp`; `weights/README.md` says what they were trained on, and how.
+static BUILT_IN: &[u8] = include_bytes!("../../weights/dipp.f16.safetensors");
+
+/// What errors call them.
+const BUILT_IN_NAME: &str = "the weights that are built in";
+
 /// How features are made.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum FeatureStyle {
     /// As the authors' code makes them, for weights of theirs
-    #[default]
     Authors,
     /// Without what is plainly a bug, for weights trained so
     Mended,
+}
+
+impl FeatureStyle {
+    /// What the weights in a file, or else those that are built in, are taken to be trained with.
+    #[must_use]
+    pub fn usual(weights: Option<&Path>) -> Self {
+        weights.map_or(Self::Mended, |_| Self::Authors)
+    }
 }
 
 impl From<FeatureStyle> for Settings {
@@ -38,8 +52,6 @@ impl From<FeatureStyle> for Settings {
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the messages say it")]
 pub enum NetworkError {
-    #[error("the predictor network needs weights\nhint: --weights FILE.safetensors; docs/network.md says where from")]
-    NoWeights,
     #[error("cannot read {}: {source}", path.display())]
     File { path: PathBuf, source: std::io::Error },
     #[error("{}: {source}", path.display())]
@@ -53,24 +65,33 @@ pub struct Network {
 }
 
 impl Network {
-    /// The predictor with the weights in the file `path`.
+    /// The predictor with the weights in the file `path`, or those that are built in.
     ///
     /// # Errors
     /// [`NetworkError`] where they cannot be read.
-    pub fn open(path: Option<&Path>, style: FeatureStyle) -> Result<Self, NetworkError> {
-        let model = model(path.ok_or(NetworkError::NoWeights)?)?;
-        Ok(Self { model: Arc::new(model), settings: style.into() })
+    pub fn open(path: Option<&Path>, style: Option<FeatureStyle>) -> Result<Self, NetworkError> {
+        let settings = style.unwrap_or(FeatureStyle::usual(path)).into();
+        Ok(Self { model: Arc::new(model(path)?), settings })
     }
 }
 
-/// The network with the weights in the file `path`.
+/// The network with the weights in the file `path`, or those that are built in.
 ///
 /// # Errors
 /// [`NetworkError`].
-pub(crate) fn model(path: &Path) -> Result<Model, NetworkError> {
-    let bytes = std::fs::read(path).map_err(|source| NetworkError::File { path: path.to_owned(), source })?;
+pub(crate) fn model(path: Option<&Path>) -> Result<Model, NetworkError> {
+    let bytes = match path {
+        None => Cow::Borrowed(BUILT_IN),
+        Some(path) => {
+            let read = std::fs::read(path);
+            Cow::Owned(read.map_err(|source| NetworkError::File { path: path.to_owned(), source })?)
+        }
+    };
     let model = Weights::read(&bytes).and_then(|weights| Model::new(&weights));
-    model.map_err(|source| NetworkError::Weights { path: path.to_owned(), source })
+    model.map_err(|source| {
+        let path = path.unwrap_or(Path::new(BUILT_IN_NAME)).to_owned();
+        NetworkError::Weights { path, source }
+    })
 }
 
 impl PredictorFactory for Network {

@@ -47,7 +47,7 @@ pub fn verify(
 ) -> Result<Vec<(&'static str, Report)>, VerifyNetworkError> {
     let is_formula = weights.as_os_str() == FORMULA;
     let model =
-        if is_formula { Model::new(&Weights::formula(Variant::Joint))? } else { crate::network::model(weights)? };
+        if is_formula { Model::new(&Weights::formula(Variant::Joint))? } else { crate::network::model(Some(weights))? };
     let set = if scenarios.is_empty() { None } else { Some(SceneSet::open(scenarios)?) };
     let scene = |name: &str| -> Option<Arc<Scene>> {
         let set = set.as_ref()?;

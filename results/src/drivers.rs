@@ -2,6 +2,8 @@
 
 use clap::ValueEnum;
 
+use crate::weights;
+
 /// Predictors that the sim can start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Predictor {
@@ -39,9 +41,14 @@ pub struct Driver {
     pub planner_reads_log: bool,
     /// The predictor it wants.
     pub predictor: Predictor,
+    /// The repository's file of weights for it, in the folder `weights`.
+    pub weights: Option<&'static str>,
     /// How the AV follows its plans under `strict`, unless asked otherwise.
     pub motion: MotionName,
 }
+
+/// Who drives where nobody else is asked for.
+pub const DEFAULT: &str = "dipp";
 
 /// All of them.
 pub const DRIVERS: &[Driver] = &[
@@ -52,6 +59,7 @@ pub const DRIVERS: &[Driver] = &[
         planner_options: &[],
         planner_reads_log: false,
         predictor: Predictor::None,
+        weights: None,
         motion: MotionName::Bicycle,
     },
     Driver {
@@ -61,6 +69,7 @@ pub const DRIVERS: &[Driver] = &[
         planner_options: &[],
         planner_reads_log: true,
         predictor: Predictor::None,
+        weights: None,
         // So that the log itself is judged, and not how well it can be tracked.
         motion: MotionName::Playback,
     },
@@ -71,6 +80,7 @@ pub const DRIVERS: &[Driver] = &[
         planner_options: &[],
         planner_reads_log: false,
         predictor: Predictor::None,
+        weights: None,
         motion: MotionName::Bicycle,
     },
     Driver {
@@ -80,6 +90,7 @@ pub const DRIVERS: &[Driver] = &[
         planner_options: &[],
         planner_reads_log: false,
         predictor: Predictor::Ctrv,
+        weights: None,
         motion: MotionName::Bicycle,
     },
     Driver {
@@ -89,15 +100,17 @@ pub const DRIVERS: &[Driver] = &[
         planner_options: &[],
         planner_reads_log: false,
         predictor: Predictor::Oracle,
+        weights: None,
         motion: MotionName::Bicycle,
     },
     Driver {
         name: "dipp",
-        about: "The paper's own: Gauss-Newton from the network's plan, with the cost that it learned; needs --weights",
+        about: "The paper's own: Gauss-Newton from the network's plan, with the cost that it learned",
         planner: "gauss-newton",
         planner_options: &["--init", "network", "--weights", "learned"],
         planner_reads_log: false,
         predictor: Predictor::Network,
+        weights: Some(weights::BUILT_IN),
         motion: MotionName::Bicycle,
     },
     Driver {
@@ -107,6 +120,7 @@ pub const DRIVERS: &[Driver] = &[
         planner_options: &["--init", "network"],
         planner_reads_log: false,
         predictor: Predictor::Network,
+        weights: Some(weights::IL_PRED),
         motion: MotionName::Bicycle,
     },
     Driver {
@@ -116,6 +130,7 @@ pub const DRIVERS: &[Driver] = &[
         planner_options: &[],
         planner_reads_log: false,
         predictor: Predictor::Network,
+        weights: Some(weights::IL_PRED),
         motion: MotionName::Bicycle,
     },
     Driver {
@@ -125,6 +140,7 @@ pub const DRIVERS: &[Driver] = &[
         planner_options: &[],
         planner_reads_log: false,
         predictor: Predictor::Network,
+        weights: Some(weights::IL),
         motion: MotionName::Bicycle,
     },
 ];
@@ -136,8 +152,14 @@ pub fn find(name: &str) -> Option<&'static Driver> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn who_drives_by_default_is_a_driver_that_needs_no_file() {
+        assert_eq!(find(DEFAULT).unwrap().weights, Some(weights::BUILT_IN));
+    }
 
     #[test]
     fn driver_names_are_unique() {

@@ -13,6 +13,7 @@
 //! | [`summary`] | a finished run in one line |
 //! | [`files`] | whole under their final name or not there at all |
 //! | [`version`] | which build this is |
+//! | [`weights`] | which weights are part of the repository |
 
 pub mod columns;
 pub mod digest;
@@ -26,6 +27,7 @@ pub mod part;
 pub mod settings;
 pub mod summary;
 pub mod version;
+pub mod weights;
 
 pub use digest::digest;
 pub use merge::merge;

@@ -141,7 +141,7 @@ pub struct Machine {
     pub start_timeout_s: f64,
     /// Where nodes connect, if it was asked for.
     pub endpoint: Option<String>,
-    /// Where the network's weights are.
+    /// Where the network's weights are, if not built in.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weights: Option<String>,
     /// The scenes, as they were asked for; none for the built-in demo set.

@@ -36,16 +36,16 @@ def replace(path, pattern, text):
 
 def main():
     with tempfile.TemporaryDirectory() as folder:
-        for driver in ("idm", "gn-ctrv", "gn-oracle"):
+        for driver in ("dipp", "idm", "gn-ctrv", "gn-oracle"):
             run("run", "--driver", driver, "--record", "none", "--out", driver, folder=folder)
-        table = run("table", "idm", folder=folder).rstrip().splitlines()
+        table = run("table", "dipp", folder=folder).rstrip().splitlines()
         rows = list(csv.DictReader(run("table", "--format", "csv", "gn-ctrv", "gn-oracle", "idm", folder=folder).splitlines()))
     scenes = rows[0]["episodes"]
     # What follows the row of figures is of warnings and footnotes.
-    end = next(index for index, line in enumerate(table) if line.startswith("idm "))
+    end = next(index for index, line in enumerate(table) if line.startswith("dipp "))
     notes = [line for line in table[end + 1 :] if line.startswith("* ") and "*" in table[end]]
     block = "".join(f"    {line}".rstrip() + "\n" for line in table[: end + 1] + [""] * len(notes) + notes)
-    old = r"^    driver idm, protocol strict.*\n(?:(?:    .*)?\n)+?    idm  .*\n(?:\n    \* .*\n)?"
+    old = r"^    (?:XXX )?driver \w+, protocol strict.*\n(?:(?:    .*)?\n)+?    (?:dipp|idm)  .*\n(?:\n    \* .*\n)?"
     replace(ROOT / "README.md", old, block)
     figures = [f"Over the {scenes} demo scenes:\n", "| driver | " + " | ".join(COLUMNS) + " |", "| --- " * (len(COLUMNS) + 1) + "|"]
     for row in rows:

@@ -6,7 +6,7 @@ use std::time::Duration;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use evaluation::table::TableFormat;
-use results::drivers::{DRIVERS, MotionName, Predictor};
+use results::drivers::{self, DRIVERS, MotionName, Predictor};
 use results::settings::Record;
 
 /// Drives an autonomous vehicle through logged traffic in closed loop, and tells how well it drove.
@@ -47,7 +47,7 @@ pub struct RunArgs {
     pub scenarios: Vec<String>,
 
     /// Who drives
-    #[arg(long, value_name = "NAME", default_value = "idm", value_parser = driver_names(),
+    #[arg(long, value_name = "NAME", default_value = drivers::DEFAULT, value_parser = driver_names(),
           conflicts_with_all = ["planner", "planner_command"], help_heading = "What to drive")]
     pub driver: String,
 
@@ -55,11 +55,12 @@ pub struct RunArgs {
     #[arg(long, value_name = "NAME", help_heading = "What to drive")]
     pub predictor: Option<Predictor>,
 
-    /// Weights of the prediction network, a .safetensors file; for dipp, sep, il-pred and --predictor network
+    /// Weights of the prediction network, a .safetensors file [default: those of dipp, built in; sep, il-pred and il have none]
     #[arg(long, value_name = "FILE", help_heading = "What to drive")]
     pub weights: Option<PathBuf>,
 
-    /// How the network's features are made: authors, for weights of theirs, or mended [default: authors]
+    /// How the network's features are made: authors, for weights of theirs, or mended [default: mended for weights of this
+    /// repository, else authors]
     #[arg(long, value_name = "STYLE", value_parser = ["authors", "mended"], help_heading = "What to drive")]
     pub features: Option<String>,
 

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use episode::protocol::{Motion, Protocol, SettingError, StrictSettings};
-use results::drivers::{self, MotionName, Predictor};
+use results::drivers::{self, Driver, MotionName, Predictor};
 use results::files::{self, FileError};
 use results::settings::{Machine, Node, Planner, Settings};
+use results::weights;
 use thiserror::Error;
 
 use crate::cli::{self, ProtocolName, Retry, RunArgs};
@@ -52,11 +53,16 @@ pub enum RequestError {
     #[error("the driver {0} needs predictions\nhint: --predictor ctrv, oracle or network")]
     NeedsPredictor(&'static str),
     #[error(
-        "the predictor network of the driver {0} needs weights\nhint: --weights FILE.safetensors; docs/network.md says where from"
+        "the driver {0} needs the predictor network: no other says where its plans begin\nhint: leave --predictor out, or take another driver, as --driver idm"
     )]
-    NeedsWeights(String),
+    NeedsNetwork(&'static str),
     #[error(
-        "--weights and --features are for the predictor network, and the driver {0} has another\nhint: --predictor network, or one of dipp, sep, il-pred"
+        "the driver {name} needs weights, for only those of {default} are built in\nhint: --weights weights/{file}, a file of reloop's repository; docs/network.md tells of others",
+        default = drivers::DEFAULT
+    )]
+    NeedsWeights { name: &'static str, file: &'static str },
+    #[error(
+        "--weights and --features are for the predictor network, and the driver {0} has another\nhint: --predictor network, or one of dipp, sep, il-pred, il"
     )]
     NoNetwork(String),
     #[error("cannot read the weights: {0}")]
@@ -87,6 +93,9 @@ impl Request {
                 (Planner::Node(node), row.name, row.predictor, row.motion)
             }
         };
+        if wants == Predictor::Network && arguments.predictor.is_some_and(|asked| asked != wants) {
+            return Err(RequestError::NeedsNetwork(name));
+        }
         if wants != Predictor::None && arguments.predictor == Some(Predictor::None) {
             return Err(RequestError::NeedsPredictor(name));
         }
@@ -94,7 +103,7 @@ impl Request {
             Predictor::None => None,
             Predictor::Ctrv => Some(Node::named("ctrv", false)),
             Predictor::Oracle => Some(Node::named("oracle", true)),
-            Predictor::Network => Some(network(name, arguments.weights.as_deref(), arguments.features.as_deref())?),
+            Predictor::Network => Some(network(row, arguments.weights.as_deref(), arguments.features.as_deref())?),
         };
         let has_network = predictor.as_ref().is_some_and(|node| node.weights_sha256.is_some());
         if !has_network && (arguments.weights.is_some() || arguments.features.is_some()) {
@@ -145,11 +154,16 @@ impl Request {
     }
 }
 
-/// The predictor `network` of the driver `name`, with these weights.
-fn network(name: &str, weights: Option<&Path>, features: Option<&str>) -> Result<Node, RequestError> {
-    let weights = weights.ok_or_else(|| RequestError::NeedsWeights(name.to_owned()))?;
-    let options = vec!["--features".to_owned(), features.unwrap_or("authors").to_owned()];
-    Ok(Node { options, weights_sha256: Some(files::sha256([weights])?), ..Node::named("network", false) })
+/// The predictor `network` of a driver, with the weights in a file or those that are built in.
+fn network(driver: &Driver, file: Option<&Path>, features: Option<&str>) -> Result<Node, RequestError> {
+    let sha256 = match (file, driver.weights) {
+        (Some(file), _) => files::sha256([file])?,
+        (None, None | Some(weights::BUILT_IN)) => weights::built_in_sha256().to_owned(),
+        (None, Some(file)) => return Err(RequestError::NeedsWeights { name: driver.name, file }),
+    };
+    let usual = if weights::is_ours(&sha256) { weights::FEATURES } else { "authors" };
+    let options = vec!["--features".to_owned(), features.unwrap_or(usual).to_owned()];
+    Ok(Node { options, weights_sha256: Some(sha256), ..Node::named("network", false) })
 }
 
 /// The files among the words of a shell command, with their SHA-256. What they load themselves is not seen.
@@ -229,8 +243,40 @@ mod tests {
         let differences = before.differences(&run_file(&line));
         assert!(matches!(&differences[..], [one] if one.contains("weights-sha256")), "{differences:?}");
         assert_eq!(before.settings.driver, "dipp");
-        let idm = resolve(&["--predictor", "network", "--weights", file.to_str().unwrap()]);
+        let idm = resolve(&["--driver", "idm", "--predictor", "network", "--weights", file.to_str().unwrap()]);
         assert_eq!(idm.settings.driver, "idm-network");
+    }
+
+    #[test]
+    fn the_weights_that_are_built_in_are_named_by_their_checksum() {
+        let network = |arguments: &[&str]| resolve(arguments).settings.predictor.unwrap();
+        let dipp = network(&[]);
+        assert_eq!(dipp.weights_sha256.as_deref(), Some(weights::built_in_sha256()));
+        assert_eq!(dipp.options, ["--features", "mended"]);
+        assert_eq!(network(&["--driver", "idm", "--predictor", "network"]), dipp);
+        assert_eq!(network(&["--planner", "external", "--predictor", "network"]), dipp);
+        assert_eq!(network(&["--features", "authors"]).options, ["--features", "authors"]);
+        let other = concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml");
+        assert_eq!(network(&["--weights", other]).options, ["--features", "authors"]);
+    }
+
+    #[test]
+    fn the_built_in_file_given_by_its_name_makes_the_same_run() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../weights/dipp.f16.safetensors");
+        let (built_in, given) = (run_file(&[]), run_file(&["--weights", file]));
+        assert_eq!(built_in.differences(&given), Vec::<String>::new());
+    }
+
+    #[test]
+    fn a_driver_whose_weights_are_not_built_in_says_which_file_they_are() {
+        insta::assert_snapshot!(refusal(&["--driver", "sep"]), @"
+        the driver sep needs weights, for only those of dipp are built in
+        hint: --weights weights/il-pred.f16.safetensors, a file of reloop's repository; docs/network.md tells of others
+        ");
+        insta::assert_snapshot!(refusal(&["--driver", "il"]), @"
+        the driver il needs weights, for only those of dipp are built in
+        hint: --weights weights/il.f16.safetensors, a file of reloop's repository; docs/network.md tells of others
+        ");
     }
 
     #[test]
@@ -267,6 +313,9 @@ mod tests {
     fn who_needs_predictions_is_not_left_without() {
         let refused = refusal(&["--driver", "gn-ctrv", "--predictor", "none"]);
         assert!(matches!(refused, RequestError::NeedsPredictor("gn-ctrv")));
+        for other in ["none", "ctrv", "oracle"] {
+            assert!(matches!(refusal(&["--predictor", other]), RequestError::NeedsNetwork("dipp")));
+        }
     }
 
     #[test]
@@ -322,11 +371,12 @@ mod tests {
 
     #[test]
     fn another_predictor_makes_another_driver() {
-        assert_eq!(resolve(&[]).settings.driver, "idm");
-        assert_eq!(resolve(&["--predictor", "none"]).settings.driver, "idm");
-        assert_eq!(resolve(&["--predictor", "ctrv"]).settings.driver, "idm-ctrv");
+        assert_eq!(resolve(&[]).settings.driver, "dipp");
+        assert_eq!(resolve(&["--driver", "idm"]).settings.driver, "idm");
+        assert_eq!(resolve(&["--driver", "idm", "--predictor", "none"]).settings.driver, "idm");
+        assert_eq!(resolve(&["--driver", "idm", "--predictor", "ctrv"]).settings.driver, "idm-ctrv");
         assert_eq!(resolve(&["--planner", "external", "--predictor", "ctrv"]).settings.driver, "external-ctrv");
-        assert_eq!(resolve(&["--predictor", "ctrv", "--label", "mine"]).settings.driver, "mine");
+        assert_eq!(resolve(&["--driver", "idm", "--predictor", "ctrv", "--label", "mine"]).settings.driver, "mine");
     }
 
     #[test]

@@ -54,15 +54,15 @@ fn help_says_what_can_be_typed() {
 
     What to drive:
           --scenarios <PATH>...        Scenes, as PATH is; takes all that follows up to the next option
-          --driver <NAME>              Who drives [default: idm] [possible values: idm, human,
+          --driver <NAME>              Who drives [default: dipp] [possible values: idm, human,
                                        constant-velocity, gn-ctrv, gn-oracle, dipp, sep, il-pred, il]
           --predictor <NAME>           Where predictions come from [default: what the driver wants]
                                        [possible values: none, ctrv, oracle, network]
-          --weights <FILE>             Weights of the prediction network, a .safetensors file; for dipp,
-                                       sep, il-pred and --predictor network
+          --weights <FILE>             Weights of the prediction network, a .safetensors file [default:
+                                       those of dipp, built in; sep, il-pred and il have none]
           --features <STYLE>           How the network's features are made: authors, for weights of
-                                       theirs, or mended [default: authors] [possible values: authors,
-                                       mended]
+                                       theirs, or mended [default: mended for weights of this
+                                       repository, else authors] [possible values: authors, mended]
           --planner-command <COMMAND>  A planner of your own: a shell command, told where to connect by
                                        RELOOP_* variables and by arguments
           --planner <WHICH>            A planner that you start yourself, with --worker '*' and the

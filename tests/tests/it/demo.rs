@@ -2,10 +2,14 @@
 
 use std::fs;
 
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use results::folder::read_run_file;
 use results::parquet::Table;
+use results::weights;
 use scenarios::generated::FAMILIES;
 
-use crate::stage::Stage;
+use crate::stage::{Stage, wait_until};
 
 /// The names of the files in a folder of the run.
 fn names(stage: &Stage, folder: &str) -> Vec<String> {
@@ -33,7 +37,7 @@ fn words(lines: &[&str]) -> String {
 #[test]
 fn one_command_drives_the_demo_set_and_prints_its_table() {
     let stage = Stage::new();
-    let ended = stage.good_sim("run --timing");
+    let ended = stage.good_sim("run --driver idm --timing");
     let lines: Vec<&str> = ended.out.lines().collect();
     let scenes = FAMILIES.len();
     assert_eq!(lines[0], format!("driver idm, protocol strict, motion bicycle, {scenes} scenes"));
@@ -60,9 +64,26 @@ fn one_command_drives_the_demo_set_and_prints_its_table() {
 
     let table = stage.good_sim(&format!("table {run}"));
     assert!(ended.out.starts_with(&table.out), "{}", table.out);
-    let again = stage.good_sim(&format!("run --out {run}"));
+    let again = stage.good_sim(&format!("run --driver idm --out {run}"));
     assert_eq!(again.out, ended.out);
     assert!(again.err.contains("is finished already: nothing was driven"), "{}", again.err);
+}
+
+#[test]
+fn without_arguments_dipp_drives_the_demo_set_from_any_folder() {
+    let stage = Stage::new();
+    let sim = stage.start("run");
+    let run = "runs/dipp-strict-1";
+    wait_until("an episode is done", || stage.parts(run) > 0);
+    // The others would take half a minute, and tell nothing more.
+    kill(Pid::from_raw(sim.id() as i32), Signal::SIGINT).unwrap();
+    let ended = sim.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(130), "{said}");
+    let file = read_run_file(&stage.path(run)).unwrap().unwrap();
+    assert_eq!((&*file.settings.driver, file.scenes.len()), ("dipp", FAMILIES.len()));
+    let network = file.settings.predictor.unwrap();
+    assert_eq!(network.weights_sha256.as_deref(), Some(weights::built_in_sha256()));
 }
 
 #[test]
@@ -103,7 +124,7 @@ fn every_driver_drives_and_their_runs_stand_side_by_side() {
 #[test]
 fn a_folder_of_another_run_is_refused_and_every_difference_named() {
     let stage = Stage::new();
-    stage.good_sim("run --scenarios small.toml --record none --out run");
+    stage.good_sim("run --driver idm --scenarios small.toml --record none --out run");
     let before = stage.files("run");
     let ended =
         stage.sim("run --scenarios small.toml --record none --out run --driver constant-velocity --deadline 2s");
@@ -115,7 +136,7 @@ fn a_folder_of_another_run_is_refused_and_every_difference_named() {
       settings.planner.name: "idm" there, "constant-velocity" here
     hint: repeat the command it was begun with, or give another folder with --out
     "#);
-    let ended = stage.sim("run --record none --out run");
+    let ended = stage.sim("run --driver idm --record none --out run");
     assert_eq!(ended.code, Some(2));
     assert!(ended.err.contains("scenes: 3 there, "), "{}", ended.err);
     assert!(before == stage.files("run"));

@@ -172,7 +172,7 @@ fn futures(scene: &Scene, start: usize, recording: &[Recorded]) -> Vec<(String, 
 /// Drives `scenarios` by `protocol` under idm with a predictor, and searches every message of every recording.
 fn searched(scenarios: &[String], protocol: &str, at_least: usize) {
     let stage = Stage::new();
-    let mut command = stage.command(&format!("run --protocol {protocol} --predictor ctrv --out run"));
+    let mut command = stage.command(&format!("run --driver idm --protocol {protocol} --predictor ctrv --out run"));
     if !scenarios.is_empty() {
         command.arg("--scenarios").args(scenarios);
     }

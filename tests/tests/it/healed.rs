@@ -50,27 +50,27 @@ fn failed_episodes_are_driven_again_and_the_run_is_as_if_they_had_not_failed() {
 #[test]
 fn a_run_whose_disk_was_full_is_continued_by_the_same_command() {
     let stage = Stage::new();
-    stage.good_sim("run --scenarios small.toml --parallel 1 --out whole");
+    stage.good_sim("run --driver idm --scenarios small.toml --parallel 1 --out whole");
     let largest = stage.files("whole").into_iter().filter(|(name, _)| name.ends_with(".mcap"));
     let largest = largest.map(|(_, bytes)| bytes.len()).max().unwrap();
     // No room for more than a part of the largest recording, in units of 512 bytes; SIGXFSZ would end the programs.
     let script = format!("trap '' XFSZ; ulimit -f {}; exec \"$@\"", largest / 2 / 512);
     let mut full = Command::new("sh");
     full.args(["-c", &script, "sh"]).arg(program("sim"));
-    full.args("run --scenarios small.toml --parallel 1 --out run".split(' ')).current_dir(stage.path(""));
+    full.args("run --driver idm --scenarios small.toml --parallel 1 --out run".split(' ')).current_dir(stage.path(""));
     let full = ended(full);
     assert_eq!(full.code, Some(2), "{full:?}");
     assert!(full.err.contains("os error 27"), "{full:?}");
     stage.wait_until_alone();
 
-    stage.good_sim("run --scenarios small.toml --parallel 1 --out run");
+    stage.good_sim("run --driver idm --scenarios small.toml --parallel 1 --out run");
     assert_same(&stage.files("whole"), &stage.files("run"));
 }
 
 #[test]
 fn a_finished_run_that_was_changed_is_named_by_every_reader() {
     let stage = Stage::new();
-    stage.good_sim("run --scenarios small.toml --record none --out run");
+    stage.good_sim("run --driver idm --scenarios small.toml --record none --out run");
     let path = stage.path("run/results.parquet");
     let mut bytes = fs::read(&path).unwrap();
     let middle = bytes.len() / 2;
@@ -79,8 +79,8 @@ fn a_finished_run_that_was_changed_is_named_by_every_reader() {
     for arguments in [
         "table run",
         "table run --scenes",
-        "run --scenarios small.toml --record none --out run",
-        "run --scenarios small.toml --record none --out run --retry failed",
+        "run --driver idm --scenarios small.toml --record none --out run",
+        "run --driver idm --scenarios small.toml --record none --out run --retry failed",
     ] {
         let refused = stage.sim(arguments);
         assert_eq!(refused.code, Some(2), "{arguments}: {refused:?}");
@@ -96,8 +96,8 @@ fn a_finished_run_that_was_changed_is_named_by_every_reader() {
 #[test]
 fn a_damaged_part_is_named_and_driven_again() {
     let stage = Stage::new();
-    stage.good_sim("run --scenarios small.toml --record none --parallel 1 --out whole");
-    let mut sim = stage.start("run --scenarios small.toml --record none --parallel 1 --out run");
+    stage.good_sim("run --driver idm --scenarios small.toml --record none --parallel 1 --out whole");
+    let mut sim = stage.start("run --driver idm --scenarios small.toml --record none --parallel 1 --out run");
     crate::stage::wait_until("an episode is done", || stage.parts("run") > 0);
     sim.kill().unwrap();
     sim.wait().unwrap();
@@ -108,7 +108,7 @@ fn a_damaged_part_is_named_and_driven_again() {
     let mut bytes = fs::read(part.path()).unwrap();
     bytes[9] ^= 1;
     fs::write(part.path(), bytes).unwrap();
-    let ended = stage.good_sim("run --scenarios small.toml --record none --parallel 1 --out run");
+    let ended = stage.good_sim("run --driver idm --scenarios small.toml --record none --parallel 1 --out run");
     assert!(ended.err.contains("is damaged, and is driven again"), "{ended:?}");
     assert_same(&stage.files("whole"), &stage.files("run"));
 }
@@ -126,7 +126,7 @@ fn a_run_without_an_episode_leaves_no_folder_and_unfinished_ones_are_passed_over
     assert!(failed.err.contains("no episode was driven, and no folder is left"), "{failed:?}");
     assert!(!stage.path("runs/command-strict-1").exists());
 
-    stage.good_sim("run --scenarios small.toml --record none --out runs/done");
+    stage.good_sim("run --driver idm --scenarios small.toml --record none --out runs/done");
     fs::create_dir_all(stage.path("runs/begun/parts")).unwrap();
     fs::copy(stage.path("runs/done/run.toml"), stage.path("runs/begun/run.toml")).unwrap();
     let table = stage.good_sim("table runs/begun runs/done");

@@ -10,7 +10,7 @@ use crate::stage::{Stage, assert_same, wait_until};
 
 /// Sends `signal` to a run after `wait`: how it ended, and what it said.
 fn interrupted(stage: &Stage, signal: Signal, wait: impl FnOnce()) -> (Option<i32>, String) {
-    let sim = stage.start("run --scenarios small.toml --parallel 2 --out run");
+    let sim = stage.start("run --driver idm --scenarios small.toml --parallel 2 --out run");
     wait();
     let begin = Instant::now();
     let _ = kill(Pid::from_raw(sim.id() as i32), signal);
@@ -23,12 +23,12 @@ fn interrupted(stage: &Stage, signal: Signal, wait: impl FnOnce()) -> (Option<i3
 #[test]
 fn ctrl_c_while_driving_stops_cleanly_and_the_run_can_be_continued() {
     let stage = Stage::new();
-    stage.good_sim("run --scenarios small.toml --parallel 2 --out whole");
+    stage.good_sim("run --driver idm --scenarios small.toml --parallel 2 --out whole");
     let (code, said) =
         interrupted(&stage, Signal::SIGINT, || wait_until("an episode is done", || stage.parts("run") > 0));
     assert_eq!(code, Some(130), "{said}");
     assert!(said.contains("interrupted: ") && said.contains("the same command continues the run in run"), "{said}");
-    stage.good_sim("run --scenarios small.toml --parallel 2 --out run");
+    stage.good_sim("run --driver idm --scenarios small.toml --parallel 2 --out run");
     assert_same(&stage.files("whole"), &stage.files("run"));
 }
 
@@ -61,7 +61,7 @@ fn ctrl_c_while_waiting_for_a_planner_that_never_comes_stops_at_once() {
 #[test]
 fn a_killed_sim_leaves_no_process_behind() {
     let stage = Stage::new();
-    let mut sim = stage.start("run --scenarios small.toml --parallel 2 --out run");
+    let mut sim = stage.start("run --driver idm --scenarios small.toml --parallel 2 --out run");
     stage.wait_for("planner-node");
     sleep(Duration::from_millis(300));
     sim.kill().unwrap();

@@ -25,7 +25,7 @@ impl Iterator for Moments {
 fn killed(arguments: &str, seed: u64, kills: usize, at_once: usize) {
     let stage = Stage::new();
     let begin = Instant::now();
-    stage.good_sim(&format!("run {arguments} --out whole"));
+    stage.good_sim(&format!("run --driver idm {arguments} --out whole"));
     let whole = begin.elapsed();
     let expected = stage.files("whole");
     let settings = fs::read(stage.path("whole/run.toml")).unwrap();
@@ -33,7 +33,7 @@ fn killed(arguments: &str, seed: u64, kills: usize, at_once: usize) {
     let mut done = 0;
     while done < kills {
         let run = format!("run{done}");
-        let command = format!("run {arguments} --out {run}");
+        let command = format!("run --driver idm {arguments} --out {run}");
         let mut stored = 0;
         for _ in 0..at_once.min(kills - done) {
             let mut sim = stage.start(&command);
@@ -70,9 +70,9 @@ fn a_run_killed_at_50_random_moments_ends_with_the_same_files() {
 #[test]
 fn two_sims_do_not_work_in_one_folder() {
     let stage = Stage::new();
-    let mut first = stage.start("run --scenarios small.toml --record none --out run");
+    let mut first = stage.start("run --driver idm --scenarios small.toml --record none --out run");
     crate::stage::wait_until("the first has its folder", || stage.path("run/run.toml").exists());
-    let second = stage.command("run --scenarios small.toml --record none --out run").output().unwrap();
+    let second = stage.command("run --driver idm --scenarios small.toml --record none --out run").output().unwrap();
     let said = String::from_utf8_lossy(&second.stderr).into_owned();
     // A slow machine may have let the first one finish.
     assert!(said.contains("another sim works in run") || said.contains("is finished already"), "{said}");

@@ -14,6 +14,7 @@
 //! | `future.rs` | no message holds a logged state later than its step |
 //! | `redrive.rs` | the plans of a recording give its drive again |
 //! | `pause.rs` | a run that stands still for a while comes out as if it had not |
+//! | `network.rs` | the repository's weights are whole, and drive; the authors' drive as in their simulator |
 //! | `paper.rs` | under `paper` the nodes get the authors' numbers |
 //! | `real_scenes.rs` | real scenes come to a result, where they are at hand |
 //! | `stage.rs`, `recording.rs` | what they share: running programs, comparing folders, reading MCAP |

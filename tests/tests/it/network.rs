@@ -1,17 +1,54 @@
-//! Drivers over the prediction network end as the authors' own simulator has them end, with the weights that it trained.
+//! Drivers over the prediction network: the repository's weights are whole, and with those that the authors' code trained drives end as in
+//! its own simulator.
 
 use std::fs;
+use std::path::{Path, PathBuf};
 
+use network::weights::{Variant, Weights};
 use results::parquet::Table;
+use results::{files, weights};
 
 use crate::stage::{Stage, program, shared};
+
+/// A file of the repository's folder of weights.
+fn ours(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights").join(name)
+}
+
+#[test]
+fn the_weights_of_the_repository_are_those_of_its_list_and_of_their_networks() {
+    let variants =
+        [(weights::BUILT_IN, Variant::Joint), (weights::IL_PRED, Variant::Separate), (weights::IL, Variant::Imitation)];
+    for (name, variant) in variants {
+        let sum = files::sha256([ours(name).as_path()]).unwrap();
+        let listed: Vec<&str> = weights::sums().filter(|(_, of)| *of == name).map(|(sum, _)| sum).collect();
+        assert_eq!(listed, [sum], "{name}: write weights/SHA256SUMS anew");
+        // Whatever is not finite is refused.
+        let read = Weights::read(&fs::read(ours(name)).unwrap()).unwrap();
+        assert_eq!(read.variant(), variant, "{name}");
+    }
+    assert_eq!(weights::sums().count(), variants.len());
+}
+
+#[test]
+fn each_driver_drives_with_the_weights_of_the_repository() {
+    let stage = Stage::new();
+    for (driver, name) in [("sep", weights::IL_PRED), ("il-pred", weights::IL_PRED), ("il", weights::IL)] {
+        let weights = ours(name);
+        let ended = stage.sim(&format!(
+            "run --scenarios small.toml --record none --set horizon=10 --driver {driver} --weights {} --out {driver}",
+            weights.display()
+        ));
+        assert_eq!(ended.code, Some(0), "{driver}: {}", ended.err);
+    }
+}
 
 fn drives_as_theirs(driver: &str, model: &str, weights: &str) {
     let (Some(trained), Some(scenes)) = (shared("dipp/trained"), shared("data/womd-derived/20s")) else { return };
     let stage = Stage::new();
     let weights = trained.join(weights);
     let line = format!(
-        "run {} --protocol paper --driver {driver} --weights {} --record none --out run",
+        "run {} --protocol paper --driver {driver} --weights {} --features authors --record none --out run",
         scenes.display(),
         weights.display()
     );
@@ -51,17 +88,12 @@ fn il_pred_drives_as_the_authors() {
 
 #[test]
 fn a_recorded_step_is_explained() {
-    let Some(trained) = shared("dipp/trained") else { return };
-    let weights = trained.join("dipp42.f16.safetensors");
     let stage = Stage::new();
-    let ended =
-        stage.sim(&format!("run --scenarios small.toml --driver dipp --weights {} --out run", weights.display()));
-    assert_eq!(ended.code, Some(0), "{}", ended.err);
+    stage.good_sim("run --scenarios small.toml --set horizon=10 --out run");
     let recording = fs::read_dir(stage.path("run/episodes")).unwrap().map(|file| file.unwrap().path());
     let recording = recording.into_iter().find(|path| path.extension().is_some_and(|kind| kind == "mcap")).unwrap();
     let explained = std::process::Command::new(program("predictor-node"))
         .args(["explain".as_ref(), recording.as_os_str(), "--step".as_ref(), "3".as_ref()])
-        .args(["--weights".as_ref(), weights.as_os_str()])
         .output()
         .unwrap();
     let said = String::from_utf8(explained.stdout).unwrap();
@@ -72,10 +104,10 @@ fn a_recorded_step_is_explained() {
 #[test]
 fn a_driver_without_its_weights_says_what_it_needs() {
     let stage = Stage::new();
-    let ended = stage.sim("run --driver dipp --out run");
+    let ended = stage.sim("run --driver sep --out run");
     assert_eq!(ended.code, Some(2));
-    assert!(ended.err.contains("of the driver dipp needs weights\nhint: --weights FILE.safetensors"), "{}", ended.err);
+    assert!(ended.err.contains("hint: --weights weights/il-pred.f16.safetensors"), "{}", ended.err);
     let other = stage.sim("run --driver idm --weights x.safetensors --out run");
     assert_eq!(other.code, Some(2));
-    assert!(other.err.contains("hint: --predictor network, or one of dipp, sep, il-pred"), "{}", other.err);
+    assert!(other.err.contains("hint: --predictor network, or one of dipp, sep, il-pred, il"), "{}", other.err);
 }

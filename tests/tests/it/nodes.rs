@@ -130,7 +130,7 @@ fn a_planner_that_cannot_be_started_ends_the_run_with_a_hint() {
 #[test]
 fn a_planner_killed_from_outside_costs_one_episode() {
     let stage = Stage::new();
-    let mut sim = stage.start("run --scenarios small.toml --parallel 1 --record none --out run");
+    let mut sim = stage.start("run --driver idm --scenarios small.toml --parallel 1 --record none --out run");
     let planner = stage.wait_for("planner-node");
     crate::stage::wait_until("an episode is done", || stage.parts("run") > 0);
     kill(planner, Signal::SIGKILL).unwrap();

@@ -33,7 +33,7 @@ fn what_is_odd_about_scenes_is_said_by_the_run_and_stands_in_its_results() {
     let Some(folder) = shared("cases/scenes") else { return };
     let scenes = folder.join("07-no-edge-no-limit.tfrecord");
     let stage = Stage::new();
-    let ended = stage.sim(&format!("run --record none --out run {}", scenes.display()));
+    let ended = stage.sim(&format!("run --driver idm --record none --out run {}", scenes.display()));
     assert_eq!(ended.code, Some(0), "{}", ended.err);
     assert!(ended.out.contains("cannot be judged in full (see --scenes)"), "{}", ended.out);
     let table = Table::read(&stage.path("run/results.parquet")).unwrap();

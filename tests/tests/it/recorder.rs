@@ -10,8 +10,8 @@ use crate::stage::{Stage, wait_until};
 #[test]
 fn a_recorder_killed_in_the_middle_is_started_again_and_the_run_says_so() {
     let stage = Stage::new();
-    stage.good_sim("run --scenarios small.toml --parallel 1 --out whole");
-    let sim = stage.start("run --scenarios small.toml --parallel 1 --out run");
+    stage.good_sim("run --driver idm --scenarios small.toml --parallel 1 --out whole");
+    let sim = stage.start("run --driver idm --scenarios small.toml --parallel 1 --out run");
     wait_until("an episode is done", || stage.parts("run") > 0);
     kill(stage.wait_for("recorder"), Signal::SIGKILL).unwrap();
     let output = sim.wait_with_output().unwrap();
@@ -41,10 +41,10 @@ fn a_recorder_killed_in_the_middle_is_started_again_and_the_run_says_so() {
 fn a_frozen_recorder_is_cut_off_once_and_another_takes_its_place() {
     let stage = Stage::new();
     let begin = Instant::now();
-    stage.good_sim("run --scenarios small.toml --parallel 1 --out whole");
+    stage.good_sim("run --driver idm --scenarios small.toml --parallel 1 --out whole");
     let whole = begin.elapsed();
     let begin = Instant::now();
-    let sim = stage.start("run --scenarios small.toml --parallel 1 --out run");
+    let sim = stage.start("run --driver idm --scenarios small.toml --parallel 1 --out run");
     wait_until("an episode is done", || stage.parts("run") > 0);
     let frozen = stage.wait_for("recorder");
     kill(frozen, Signal::SIGSTOP).unwrap();

@@ -9,7 +9,8 @@ fn two_runs_and_any_number_of_workers_give_the_same_bytes() {
         .iter()
         .enumerate()
         .map(|(index, workers)| {
-            let ended = stage.good_sim(&format!("run --scenarios small.toml --parallel {workers} --out run{index}"));
+            let ended = stage
+                .good_sim(&format!("run --driver idm --scenarios small.toml --parallel {workers} --out run{index}"));
             ended.out.replace(&format!("folder run{index}"), "")
         })
         .collect();
@@ -25,7 +26,7 @@ fn two_runs_and_any_number_of_workers_give_the_same_bytes() {
 fn predictions_repeat_too_and_on_cores_of_their_own() {
     let stage = Stage::new();
     for run in ["one --parallel 2", "two --parallel 1 --pin"] {
-        stage.good_sim(&format!("run --scenarios small.toml --predictor ctrv --out {run}"));
+        stage.good_sim(&format!("run --driver idm --scenarios small.toml --predictor ctrv --out {run}"));
     }
     assert_same(&stage.files("one"), &stage.files("two"));
 }
