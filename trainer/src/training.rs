@@ -193,9 +193,12 @@ fn lock(folder: &Path) -> Result<File, TrainingError> {
     }
 }
 
-/// The windows of validation that are drawn: a few, from the first to the last.
+/// The windows that are drawn: a few of validation, or of training where there are none, from the first to the last.
 fn looked_at(task: &Task<'_>) -> Result<Vec<Window>, TrainingError> {
-    let all = task.examples.validation();
+    let Some(all) = [task.examples.validation(), task.examples.training()].into_iter().find(|some| !some.is_empty())
+    else {
+        return Ok(Vec::new());
+    };
     let count = all.len().min(LOOKED_AT);
     let indices: Vec<usize> = (0..count).map(|number| all[number * all.len() / count]).collect();
     windows(task, &indices)

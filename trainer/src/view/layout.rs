@@ -32,8 +32,8 @@ pub fn write(store: Store<'_>, windows: &[Window]) -> Result<(), RrdError> {
     for (number, window) in windows.iter().enumerate() {
         let origin = format!("/{}", pictures::path(number));
         let view = layout.view("3D", &pictures::name(window), &origin, "$origin/**")?;
-        // Not from straight above: there an upward camera has no heading.
-        layout.look(&view, [AHEAD - 1.0, 0.0, HEIGHT], [AHEAD, 0.0, 0.0], BACKGROUND)?;
+        // From behind, so that it drives up the picture: straight from above a camera has no heading.
+        layout.look(&view, [AHEAD - 0.35 * HEIGHT, 0.0, HEIGHT], [AHEAD, 0.0, 0.0], BACKGROUND)?;
         views.push(view);
     }
     let mut plots = Vec::new();
