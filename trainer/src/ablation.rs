@@ -160,7 +160,7 @@ pub enum AblationError {
 pub type MakeLearner<'a> = dyn Fn(&Settings) -> anyhow::Result<Box<dyn Learner>> + 'a;
 
 /// Trains all of a list, each into its folder within `folder`, going on where a training was stopped; one without a finite loss does
-/// not keep others from theirs. Writes `ablation.csv` and `ablation.md` after each. None where somebody stopped it.
+/// not keep others from theirs. Draws them if `rerun` is set. Writes `ablation.csv` and `ablation.md` after each. None where somebody stopped it.
 ///
 /// # Errors
 /// [`AblationError`].
@@ -168,6 +168,7 @@ pub fn run(
     runs: &[Run],
     examples: &dyn Examples,
     folder: &Path,
+    rerun: bool,
     learner: &MakeLearner<'_>,
     watch: &mut dyn Watch,
 ) -> Result<Option<Vec<Outcome>>, AblationError> {
@@ -176,7 +177,7 @@ pub fn run(
         let name = || run.folder.clone();
         let own = folder.join(&run.folder);
         let mut learner = learner(&run.settings).map_err(|source| AblationError::Learner { name: name(), source })?;
-        let task = Task { settings: &run.settings, examples, folder: &own, resume: true };
+        let task = Task { settings: &run.settings, examples, folder: &own, resume: true, rerun };
         let failure = match train(task, learner.as_mut(), watch) {
             Ok(Ended::Finished) => None,
             Ok(Ended::Stopped) => return Ok(None),

@@ -14,6 +14,7 @@ use crate::loss::{ByWhatWasSaid, Divisors, Loss, LossError, Parts, Said};
 use crate::model::{Layout, Outputs, forward};
 use crate::planning::Planning;
 use crate::settings::{LossWeights, Rules};
+use crate::step::Look;
 use crate::tape::{Scalar, Spare, Spares, Tape, Var};
 use crate::windows::Window;
 
@@ -41,6 +42,8 @@ pub struct Work {
     pub dropout: Option<(u64, f64)>,
     /// Whether gradients are wanted.
     pub wants_gradient: bool,
+    /// Whether to keep what came of each window, to look at.
+    pub wants_looks: bool,
 }
 
 impl Work {
@@ -63,6 +66,8 @@ pub struct Done<T> {
     pub prior: f64,
     /// For each window what was said, its part, and the gradient by what was said.
     pub windows: Vec<(Said, Parts, ByWhatWasSaid)>,
+    /// What came of each window, if it was wanted.
+    pub looks: Vec<Look>,
 }
 
 /// A window that has no loss.
@@ -115,6 +120,7 @@ pub fn run<T: Scalar>(
         group.windows.iter().for_each(|(_, parts, _)| done.parts.add(parts));
         done.prior += group.prior;
         done.windows.extend(group.windows);
+        done.looks.extend(group.looks);
     }
     done.gradient.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, sum)| {
         for gradient in &gradients {
@@ -182,6 +188,9 @@ impl<'a, T: Scalar> Batch<'a, T> {
                     error,
                 })?;
                 done.parts.add(&parts);
+                if work.wants_looks {
+                    done.looks.push(loss.look(&said, by.future));
+                }
                 done.windows.push((said, parts, by));
             }
             if let (0, Some((weight, start)), Some((said, _, by))) = (number, work.prior, done.windows.first_mut()) {

@@ -52,6 +52,7 @@ impl Learner for Reckoner {
             prior: self.start.filter(|_| ask.planning).map(|start| (settings.cost.prior, start)),
             dropout: ask.dropout.map(|seed| (seed, settings.dropout)),
             wants_gradient: ask.wants_gradient,
+            wants_looks: ask.wants_looks,
         };
         let windows: Vec<&Window> = ask.windows.iter().collect();
         let done = batch::run(&self.layout, ask.parameters.values(), &windows, &work, &self.spares)?;
@@ -67,6 +68,7 @@ impl Learner for Reckoner {
                 Vec::new()
             },
             gradient: done.gradient,
+            looks: done.looks,
             terms: Terms {
                 total: parts.total(weights, work.keeps_predictor_loss) + done.prior,
                 prediction: parts.prediction_loss(),

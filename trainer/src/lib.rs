@@ -21,7 +21,7 @@
 //! | [`draw`], [`order`] | random numbers that are the same everywhere; in which order windows are seen |
 //! | [`optimiser`] | clipping and Adam |
 //! | [`training`] | the loop |
-//! | [`checkpoint`], [`metrics`] | what it leaves: to go on from, and to look at |
+//! | [`checkpoint`], [`metrics`], [`view`] | what it leaves: to go on from, to read, and to look at |
 //! | [`ablation`] | lists of trainings |
 //! | [`verify`] | all of it against the authors' numbers |
 //! | [`fuzzing`] | what every file must keep |
@@ -51,5 +51,7 @@ pub mod step;
 pub mod tape;
 pub mod training;
 pub mod verify;
+#[cfg_attr(not(feature = "rerun"), path = "view/absent.rs")]
+pub mod view;
 pub mod whole_file;
 pub mod windows;

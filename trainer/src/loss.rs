@@ -19,6 +19,7 @@ use world::vehicle::BicycleModel;
 use crate::cost;
 use crate::planning::{Planning, now};
 use crate::settings::{InitialControls, LossWeights, Predictor, Rules};
+use crate::step::Look;
 use crate::windows::Window;
 
 /// Steps at which futures are compared.
@@ -200,6 +201,16 @@ impl Loss {
             && by.plan.is_finite()
             && by.cost.iter().all(|by| by.is_finite());
         if is_finite { Ok((parts, by)) } else { Err(LossError::Loss) }
+    }
+
+    /// What came of the window whose losses were reckoned last, and whose best future that was.
+    #[must_use]
+    pub fn look(&self, said: &Said, future: usize) -> Look {
+        let place = |poses: &[[f64; 3]; STEPS]| poses.map(|[x, y, _]| [x, y]);
+        Look {
+            plan: self.motion.states.map(|state| [state.x, state.y]),
+            predictions: said.poses.get(future).map(|poses| Box::new(poses.each_ref().map(place))),
+        }
     }
 
     /// The future whose plan and predictions are nearest to what happened, neighbours' distances summed; the first of equals.

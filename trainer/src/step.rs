@@ -1,5 +1,6 @@
 //! What a step of learning is asked, and what it answers: all that the loop knows of network, planner and losses.
 
+use network::constants::{NEIGHBORS, STEPS};
 use thiserror::Error;
 
 use crate::parameters::Parameters;
@@ -18,6 +19,16 @@ pub struct Ask<'a> {
     pub dropout: Option<u64>,
     /// Whether to go backward too.
     pub wants_gradient: bool,
+    /// Whether to tell what came of each window, to look at.
+    pub wants_looks: bool,
+}
+
+impl<'a> Ask<'a> {
+    /// Losses alone, with nothing dropped out.
+    #[must_use]
+    pub fn without_gradient(windows: &'a [Window], parameters: &'a Parameters, planning: bool) -> Self {
+        Self { windows, parameters, planning, dropout: None, wants_gradient: false, wants_looks: false }
+    }
 }
 
 /// What it answers.
@@ -30,6 +41,18 @@ pub struct Answer {
     pub has_gradient: Vec<bool>,
     /// Losses and metrics.
     pub terms: Terms,
+    /// What came of each window; empty where it is not wanted.
+    pub looks: Vec<Look>,
+}
+
+/// What came of a window, in the future that is nearest to what happened: positions at each step (m, the AV's frame).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Look {
+    /// The AV's plan, the planner's where it is on.
+    pub plan: [[f64; 2]; STEPS],
+    /// Where the network predicts the neighbours to be; of those who are not there, nothing that means anything. None where nobody is
+    /// predicted.
+    pub predictions: Option<Box<[[[f64; 2]; STEPS]; NEIGHBORS]>>,
 }
 
 /// Losses and metrics of a batch (`training.md` 2 and 4), each before its weight unless said.

@@ -6,6 +6,7 @@
 //!        metrics.csv, steps.csv   a row an epoch, a row a step
 //!        weights.safetensors      after the last epoch that is done, and weights.f16.safetensors
 //!        weights/epoch-NN.f32.safetensors   after each, if asked for
+//!        training.rrd             all of that to look at, if asked for
 //! ```
 //!
 //! A step depends on the checkpoint before it and on its number alone: order and dropout are drawn anew from seed and number. So it does
@@ -32,6 +33,7 @@ use crate::schedule::Schedule;
 use crate::settings::Settings;
 use crate::start::{self, StartError};
 use crate::step::{Answer, Ask, Learner, StepError, Sums};
+use crate::view::{View, ViewError};
 use crate::whole_file::{self, WriteError};
 use crate::windows::Window;
 
@@ -39,6 +41,8 @@ use crate::windows::Window;
 pub const CHECKPOINT: &str = "checkpoint.safetensors";
 /// Windows in a batch of validation, whatever the training's: so that its means can be compared.
 pub const VALIDATION_BATCH: usize = 32;
+/// Windows of validation that are drawn.
+const LOOKED_AT: usize = 4;
 
 /// What is to be trained.
 #[derive(Clone, Copy)]
@@ -51,6 +55,8 @@ pub struct Task<'a> {
     pub folder: &'a Path,
     /// Whether to go on from the checkpoint that is there, if there is one.
     pub resume: bool,
+    /// Whether to draw it into `training.rrd`.
+    pub rerun: bool,
 }
 
 /// Who looks on.
@@ -144,6 +150,9 @@ pub enum TrainingError {
     /// The checkpoint cannot be read.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
+    /// It cannot be drawn.
+    #[error(transparent)]
+    View(#[from] ViewError),
     /// A file cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
@@ -166,7 +175,10 @@ pub fn train(task: Task<'_>, learner: &mut dyn Learner, watch: &mut dyn Watch) -
     let metrics = Metrics::open(task.folder, state.epoch, state.step)?;
     let ranges = tensors(variant).map(|(.., range)| range).collect();
     let name = task.folder.file_name().unwrap_or(task.folder.as_os_str()).to_string_lossy().into_owned();
-    let mut training = Training { task, name, learner, watch, state, metrics, ranges, frozen, speed: Speed::default() };
+    let windows = if task.rerun { looked_at(&task)? } else { Vec::new() };
+    let view = task.rerun.then(|| View::open(task.folder, &name, task.settings, windows, &state)).transpose()?;
+    let speed = Speed::default();
+    let mut training = Training { task, name, learner, watch, state, metrics, view, ranges, frozen, speed };
     training.run()
 }
 
@@ -179,6 +191,25 @@ fn lock(folder: &Path) -> Result<File, TrainingError> {
         Err(TryLockError::WouldBlock) => Err(TrainingError::Busy(folder.to_owned())),
         Err(TryLockError::Error(error)) => Err(WriteError::at(&path)(error).into()),
     }
+}
+
+/// The windows that are drawn: a few of validation, or of training where there are none, from the first to the last.
+fn looked_at(task: &Task<'_>) -> Result<Vec<Window>, TrainingError> {
+    let Some(all) = [task.examples.validation(), task.examples.training()].into_iter().find(|some| !some.is_empty())
+    else {
+        return Ok(Vec::new());
+    };
+    let count = all.len().min(LOOKED_AT);
+    let indices: Vec<usize> = (0..count).map(|number| all[number * all.len() / count]).collect();
+    windows(task, &indices)
+}
+
+fn windows(task: &Task<'_>, indices: &[usize]) -> Result<Vec<Window>, TrainingError> {
+    let get = |index: &usize| {
+        let index = *index;
+        task.examples.get(index).map_err(|source| TrainingError::Window { index, source })
+    };
+    indices.iter().map(get).collect()
 }
 
 /// The checkpoint to begin from.
@@ -216,6 +247,8 @@ struct Training<'a> {
     watch: &'a mut dyn Watch,
     state: Checkpoint,
     metrics: Metrics,
+    /// Where it is drawn.
+    view: Option<View>,
     /// Where each tensor's numbers are.
     ranges: Vec<Range<usize>>,
     /// Which tensors are not to be learned.
@@ -256,7 +289,7 @@ impl Training<'_> {
         let started = Instant::now();
         let settings = self.task.settings;
         let schedule = Schedule::of(settings, self.state.epoch);
-        let windows = self.windows(indices)?;
+        let windows = windows(&self.task, indices)?;
         let seed = Draw::new(settings.seed, Purpose::Dropout, self.state.step).wide();
         let ask = Ask {
             windows: &windows,
@@ -264,9 +297,10 @@ impl Training<'_> {
             planning: schedule.planning,
             dropout: (settings.dropout > 0.0).then_some(seed),
             wants_gradient: true,
+            wants_looks: false,
         };
         let answer = self.learner.step(&ask).map_err(|source| self.refused(source))?;
-        let Answer { mut gradient, mut has_gradient, terms } = answer;
+        let Answer { mut gradient, mut has_gradient, terms, .. } = answer;
         if gradient.len() != self.state.parameters.values().len() || has_gradient.len() != self.ranges.len() {
             return Err(TrainingError::Form(self.state.step + 1));
         }
@@ -298,9 +332,8 @@ impl Training<'_> {
         let planning = Schedule::of(self.task.settings, self.state.epoch).planning;
         let mut sums = Sums::default();
         for indices in self.task.examples.validation().chunks(VALIDATION_BATCH) {
-            let windows = self.windows(indices)?;
-            let parameters = &self.state.parameters;
-            let ask = Ask { windows: &windows, parameters, planning, dropout: None, wants_gradient: false };
+            let windows = windows(&self.task, indices)?;
+            let ask = Ask::without_gradient(&windows, &self.state.parameters, planning);
             let terms = self.learner.step(&ask).map_err(|source| self.refused(source))?.terms;
             if !terms.total.is_finite() {
                 return Err(self.not_finite("the validation's loss", &windows));
@@ -326,12 +359,28 @@ impl Training<'_> {
             windows_per_second: (speed.windows > 0).then(|| speed.windows as f64 / speed.seconds),
         };
         self.metrics.epoch(&row)?;
+        self.draw(&row)?;
         self.write_weights(row.epoch)?;
         self.state.epoch += 1;
         self.state.sums = Sums::default();
         self.save()?;
         self.watch.epoch(&row);
         Ok(())
+    }
+
+    /// Draws what is known after an epoch, with what comes of a few windows now.
+    fn draw(&mut self, row: &EpochRow) -> Result<(), TrainingError> {
+        let Some(view) = &mut self.view else { return Ok(()) };
+        let parameters = &self.state.parameters;
+        let ask = Ask::without_gradient(view.windows(), parameters, row.schedule.planning);
+        let looks = match self.learner.step(&Ask { wants_looks: true, ..ask }) {
+            Ok(answer) => answer.looks,
+            Err(error) => {
+                tracing::warn!("epoch {}: no windows are drawn: {error}", row.epoch);
+                Vec::new()
+            }
+        };
+        Ok(view.epoch(row.epoch, self.state.step, &looks)?)
     }
 
     fn write_weights(&self, epoch: usize) -> Result<(), TrainingError> {
@@ -367,14 +416,6 @@ impl Training<'_> {
     fn stopped(&self) -> Result<Ended, TrainingError> {
         self.save()?;
         Ok(Ended::Stopped)
-    }
-
-    fn windows(&self, indices: &[usize]) -> Result<Vec<Window>, TrainingError> {
-        let get = |index: &usize| {
-            let index = *index;
-            self.task.examples.get(index).map_err(|source| TrainingError::Window { index, source })
-        };
-        indices.iter().map(get).collect()
     }
 
     fn refused(&self, source: StepError) -> TrainingError {

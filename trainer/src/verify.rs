@@ -82,6 +82,7 @@ pub fn work(planner: bool, couples: bool) -> Work {
         prior: None,
         dropout: None,
         wants_gradient: true,
+        wants_looks: false,
     }
 }
 

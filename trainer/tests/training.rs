@@ -12,7 +12,7 @@ use trainer::checkpoint::Checkpoint;
 use trainer::examples::Examples;
 use trainer::metrics::StepRow;
 use trainer::settings::Settings;
-use trainer::step::{Answer, Ask, Learner, StepError, Terms};
+use trainer::step::{Answer, Ask, Learner, Look, StepError, Terms};
 use trainer::training::{CHECKPOINT, Ended, Task, TrainingError, Watch, train};
 use trainer::windows::{Sketch, Window};
 
@@ -114,7 +114,12 @@ impl Learner for Bowl {
         let tensors = if ask.wants_gradient { trainer::parameters::tensors(ask.parameters.variant()).len() } else { 0 };
         let has_gradient = (0..tensors).map(|index| index == 0).collect();
         let terms = Terms { total, plan: f64::from(u8::from(ask.planning)), ..Terms::default() };
-        Ok(Answer { gradient, has_gradient, terms })
+        let look = |window: &Window| Look {
+            plan: std::array::from_fn(|t| [f64::from(values[0]) + t as f64, f64::from(window.step)]),
+            predictions: Some(Box::new([[[f64::from(values[1]), 0.0]; STEPS]; NEIGHBORS])),
+        };
+        let looks = if ask.wants_looks { ask.windows.iter().map(look).collect() } else { Vec::new() };
+        Ok(Answer { gradient, has_gradient, terms, looks })
     }
 }
 
@@ -143,7 +148,17 @@ fn examples() -> Blank {
 }
 
 fn go(folder: &Path, settings: &Settings, bowl: &mut Bowl, stop: Option<u64>) -> Result<Ended, TrainingError> {
-    let task = Task { settings, examples: &examples(), folder, resume: true };
+    go_and_draw(folder, settings, bowl, stop, false)
+}
+
+fn go_and_draw(
+    folder: &Path,
+    settings: &Settings,
+    bowl: &mut Bowl,
+    stop: Option<u64>,
+    rerun: bool,
+) -> Result<Ended, TrainingError> {
+    let task = Task { settings, examples: &examples(), folder, resume: true, rerun };
     train(task, bowl, &mut Hand(stop, 0))
 }
 
@@ -170,7 +185,13 @@ fn left(folder: &Path) -> Vec<Vec<u8>> {
 fn it_learns_and_leaves_what_it_learned() {
     let folder = tempfile::tempdir().unwrap();
     let settings = settings(&["epochs=6", "learning_rate=0.5", "dropout=0"]);
-    let task = Task { settings: &settings, examples: &Blank::new("one", 100, 5), folder: folder.path(), resume: false };
+    let task = Task {
+        settings: &settings,
+        examples: &Blank::new("one", 100, 5),
+        folder: folder.path(),
+        resume: false,
+        rerun: false,
+    };
     assert_eq!(train(task, &mut Bowl::default(), &mut Hand(None, 0)).unwrap(), Ended::Finished);
     let weights = Weights::read(&fs::read(folder.path().join("weights.safetensors")).unwrap()).unwrap();
     let (_, _, values) = weights.tensors().next().unwrap();
@@ -218,7 +239,7 @@ fn a_checkpoint_of_other_settings_or_windows_is_refused_by_name() {
     let usual = settings(&[]);
     go(folder.path(), &usual, &mut Bowl::default(), Some(2)).unwrap();
     let told = |settings: &Settings, examples: &dyn Examples, resume| {
-        let task = Task { settings, examples, folder: folder.path(), resume };
+        let task = Task { settings, examples, folder: folder.path(), resume, rerun: false };
         train(task, &mut Bowl::default(), &mut Hand(None, 0)).unwrap_err().to_string()
     };
     assert!(told(&usual, &examples(), false).contains("--resume"));
@@ -266,7 +287,7 @@ fn two_do_not_train_in_one_folder() {
     let folder = tempfile::tempdir().unwrap();
     let (examples, usual) = (examples(), settings(&[]));
     let mut watch = Second(folder.path(), None);
-    let task = Task { settings: &usual, examples: &examples, folder: folder.path(), resume: false };
+    let task = Task { settings: &usual, examples: &examples, folder: folder.path(), resume: false, rerun: false };
     train(task, &mut Bowl::default(), &mut watch).unwrap();
     assert!(watch.1.unwrap().starts_with("somebody else trains in"));
 }
@@ -284,7 +305,7 @@ fn a_list_is_trained_and_goes_on_where_it_was_stopped() {
             made.set(made.get() + 1);
             Ok(Box::new(Bowl { then: then.filter(|_| made.get() % 2 == 0), ..Bowl::default() }))
         };
-        ablation::run(&runs, &examples(), folder.path(), &learner, &mut Hand(stop, 0)).unwrap()
+        ablation::run(&runs, &examples(), folder.path(), false, &learner, &mut Hand(stop, 0)).unwrap()
     };
     // Two steps an epoch.
     assert_eq!(go(Some(3), None), None);
@@ -298,4 +319,98 @@ fn a_list_is_trained_and_goes_on_where_it_was_stopped() {
     assert!(rows.iter().all(|row| row[3].parse::<f64>().unwrap() > 0.0));
     assert_eq!(fs::read_to_string(folder.path().join("ablation.md")).unwrap(), ablation::markdown(&done));
     assert_eq!(fs::read_to_string(folder.path().join("b/steps.csv")).unwrap().lines().count(), 5);
+}
+
+/// What a drawing holds: entities by how many rows they have beside what always holds.
+#[cfg(feature = "rerun")]
+fn drawn(folder: &Path) -> (String, std::collections::BTreeMap<String, usize>) {
+    use re_log_encoding::DecoderApp;
+    use re_log_types::{LogMsg, StoreKind};
+    let bytes = fs::read(folder.join("training.rrd")).unwrap();
+    let mut rows = std::collections::BTreeMap::new();
+    let mut id = String::new();
+    for message in DecoderApp::decode_lazy(std::io::Cursor::new(bytes)).map(Result::unwrap) {
+        let LogMsg::ArrowMsg(store, chunk) = message else { continue };
+        if store.kind() == StoreKind::Recording {
+            id = store.recording_id().to_string();
+            let chunk = re_chunk::Chunk::from_arrow_msg(&chunk).unwrap();
+            let moving = if chunk.is_static() { 0 } else { chunk.num_rows() };
+            *rows.entry(chunk.entity_path().to_string()).or_default() += moving;
+        }
+    }
+    (id, rows)
+}
+
+#[cfg(feature = "rerun")]
+#[test]
+fn a_drawing_changes_no_weight_and_has_every_epoch() {
+    let folder = tempfile::tempdir().unwrap();
+    let [plain, drawing] = ["a", "b"].map(|parent| folder.path().join(parent).join("t"));
+    let usual = settings(&["mode=dipp"]);
+    go(&plain, &usual, &mut Bowl::default(), None).unwrap();
+    go_and_draw(&drawing, &usual, &mut Bowl::default(), None, true).unwrap();
+    assert!(left(&plain) == left(&drawing));
+    assert!(!plain.join("training.rrd").exists());
+    let (id, rows) = drawn(&drawing);
+    assert!(id.starts_with("t."), "{id}");
+    // Three epochs, one of them without the planner, of four steps; three windows to validate with.
+    let expected = [
+        ("/loss/total/training", 3),
+        ("/loss/total/validation", 3),
+        ("/loss/terms/plan/validation", 2),
+        ("/errors/planner/ade/training", 3),
+        ("/cost_weights/safety", 3),
+        ("/learning_rate", 3),
+        ("/steps/loss", 12),
+        ("/steps/gradient_norm", 12),
+        ("/windows/1/av/plan", 3),
+        ("/windows/3/neighbors/now", 0),
+        ("/settings", 0),
+    ];
+    for (entity, count) in expected {
+        assert_eq!(rows.get(entity), Some(&count), "{entity} of {rows:#?}");
+    }
+    assert!(!rows.keys().any(|entity| entity.starts_with("/windows/4")));
+}
+
+#[cfg(feature = "rerun")]
+#[test]
+fn a_drawing_is_the_same_wherever_the_training_was_stopped_or_killed() {
+    let folder = tempfile::tempdir().unwrap();
+    let usual = settings(&["checkpoint_every=3"]);
+    let of = |parent: &str| folder.path().join(parent).join("t");
+    let bytes = |folder: &Path| fs::read(folder.join("training.rrd")).unwrap();
+    go_and_draw(&of("straight"), &usual, &mut Bowl::default(), None, true).unwrap();
+    for step in [1, 4, 6, 12] {
+        go_and_draw(&of("stopped"), &usual, &mut Bowl::default(), Some(step), true).unwrap();
+    }
+    go_and_draw(&of("stopped"), &usual, &mut Bowl::default(), None, true).unwrap();
+    assert!(bytes(&of("stopped")) == bytes(&of("straight")));
+    // At steps and validations; checkpoints are after steps 3, 4, 6, 8, 9 and 12.
+    for question in [2, 5, 5, 5, 6] {
+        let mut bowl = Bowl { then: Some((question, Accident::Killed)), ..Bowl::default() };
+        go_and_draw(&of("killed"), &usual, &mut bowl, None, true).unwrap_err();
+    }
+    go_and_draw(&of("killed"), &usual, &mut Bowl::default(), None, true).unwrap();
+    assert!(bytes(&of("killed")) == bytes(&of("straight")));
+    // Killed between the drawing of an epoch and its checkpoint.
+    let short = settings(&["checkpoint_every=3", "epochs=1"]);
+    go_and_draw(&of("ahead"), &short, &mut Bowl::default(), None, true).unwrap();
+    fs::copy(of("straight").join("training.rrd"), of("ahead").join("training.rrd")).unwrap();
+    go_and_draw(&of("ahead"), &usual, &mut Bowl::default(), None, true).unwrap();
+    assert!(bytes(&of("ahead")) == bytes(&of("straight")));
+}
+
+#[cfg(feature = "rerun")]
+#[test]
+fn a_finished_training_can_still_be_drawn_and_a_damaged_drawing_stops_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let usual = settings(&["epochs=1"]);
+    go(folder.path(), &usual, &mut Bowl::default(), None).unwrap();
+    go_and_draw(folder.path(), &usual, &mut Bowl::default(), None, true).unwrap();
+    assert_eq!(drawn(folder.path()).1["/loss/total/validation"], 1);
+    fs::write(folder.path().join("training.rrd"), b"RRF2 or not").unwrap();
+    go_and_draw(folder.path(), &settings(&["epochs=2"]), &mut Bowl::default(), None, true).unwrap();
+    let rows = drawn(folder.path()).1;
+    assert_eq!((rows["/loss/total/validation"], rows["/windows/1/av/plan"]), (2, 1));
 }

@@ -1,18 +1,23 @@
 //! What changes from step to step, gathered as columns: a row a step, sent as one chunk an entity.
 
-use re_chunk::EntityPath;
+use re_chunk::{EntityPath, TimeColumn};
 use re_sdk_types::archetypes::{Boxes3D, LineStrips3D, Points3D, Scalars, TextLog, Transform3D};
 use re_sdk_types::components::{Color, FillMode, LineStrip3D, Radius};
 use re_sdk_types::datatypes::Quaternion;
+use rrd::{RrdError, Store, color};
 use wire::proto;
 
-use super::store::{RrdError, Store};
+use crate::message::STEP_NANOSECONDS;
 use crate::origin::{Origin, quaternion};
 use crate::palette::Rgba;
 
-/// A colour as Rerun takes it.
-pub fn color([red, green, blue, opacity]: Rgba) -> Color {
-    Color::from_unmultiplied_rgba(red, green, blue, opacity)
+/// The two timelines of rows at `steps`.
+fn times(steps: &[u32]) -> Vec<TimeColumn> {
+    let nanoseconds = steps.iter().map(|step| i64::from(*step) * STEP_NANOSECONDS as i64);
+    vec![
+        TimeColumn::new_sequence("step", steps.iter().map(|step| i64::from(*step))),
+        TimeColumn::new_duration_nanos("sim_time", nanoseconds),
+    ]
 }
 
 /// The rows of one entity: at which step, and how many instances.
@@ -89,7 +94,7 @@ impl Boxes {
             .with_half_sizes(self.half_sizes)
             .with_quaternions(self.turns)
             .with_labels(self.labels);
-        store.log_columns(path, &self.rows.steps, boxes.columns(self.rows.lengths)?)
+        store.log_columns(path, times(&self.rows.steps), boxes.columns(self.rows.lengths)?)
     }
 }
 
@@ -117,7 +122,7 @@ impl Frame {
     /// Writes it.
     pub fn log(self, store: &mut Store<'_>, path: impl Into<EntityPath>) -> Result<(), RrdError> {
         let frame = Transform3D::update_fields().with_many_translation(self.places).with_many_quaternion(self.turns);
-        store.log_columns(path, &self.steps, frame.columns_of_unit_batches()?)
+        store.log_columns(path, times(&self.steps), frame.columns_of_unit_batches()?)
     }
 }
 
@@ -149,7 +154,7 @@ impl Lines {
         }
         let lines =
             LineStrips3D::update_fields().with_strips(self.strips).with_colors(self.colors).with_radii(self.radii);
-        store.log_columns(path, &self.rows.steps, lines.columns(self.rows.lengths)?)
+        store.log_columns(path, times(&self.rows.steps), lines.columns(self.rows.lengths)?)
     }
 }
 
@@ -184,7 +189,7 @@ impl Points {
         store.log(path.clone(), &style)?;
         let points =
             Points3D::update_fields().with_positions(self.positions).with_colors(self.colors).with_labels(self.labels);
-        store.log_columns(path, &self.rows.steps, points.columns(self.rows.lengths)?)
+        store.log_columns(path, times(&self.rows.steps), points.columns(self.rows.lengths)?)
     }
 }
 
@@ -219,7 +224,7 @@ impl Series {
     /// Writes it.
     pub fn log(self, store: &mut Store<'_>, path: impl Into<EntityPath>) -> Result<(), RrdError> {
         let columns = Scalars::update_fields().with_scalars(self.values).columns_of_unit_batches()?;
-        store.log_columns(path, &self.steps, columns)
+        store.log_columns(path, times(&self.steps), columns)
     }
 }
 
@@ -247,6 +252,6 @@ impl Texts {
             .with_many_text(self.texts)
             .with_many_level(self.levels)
             .with_many_color(self.colors);
-        store.log_columns(path, &self.steps, texts.columns_of_unit_batches()?)
+        store.log_columns(path, times(&self.steps), texts.columns_of_unit_batches()?)
     }
 }

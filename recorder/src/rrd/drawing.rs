@@ -1,14 +1,13 @@
 //! Messages in canonical order to the bytes of an episode's Rerun file.
 
 use re_chunk::EntityPath;
-use re_log_encoding::Encoder;
 use re_sdk_types::archetypes::{LineStrips3D, Points3D, RecordingInfo, SeriesLines, TextDocument, ViewCoordinates};
 use re_sdk_types::components::{LineStrip3D, Radius};
+use rrd::{RrdError, Store, color};
 use wire::proto::{self, AgentKind};
 
 use super::blueprint;
-use super::columns::{Boxes, Frame, Lines, Points, Series, Texts, color};
-use super::store::{RrdError, Store};
+use super::columns::{Boxes, Frame, Lines, Points, Series, Texts};
 use crate::contacts::Contacts;
 use crate::layers::{layers, stop_signs};
 use crate::message::{Body, Message};
@@ -218,12 +217,10 @@ impl Drawing {
         }
         let scene = self.scene.take().unwrap_or_default();
         let id = format!("{run}.{}.{:08x}", scene.scene, crc32fast::hash(settings.as_bytes()));
-        let mut encoder = Encoder::local()?;
-        // Its index is in the order of a hash map, another each time; viewers do without.
-        encoder.do_not_emit_footer();
-        let blueprint = Store::blueprint(&mut encoder, &format!("{id}.blueprint"))?;
+        let mut encoder = rrd::encoder()?;
+        let blueprint = Store::blueprint(&mut encoder, "recorder", &id)?;
         blueprint::write(blueprint, self.ride.places(), &self.plots.views())?;
-        let mut store = Store::recording(&mut encoder, &id)?;
+        let mut store = Store::recording(&mut encoder, "recorder", &id)?;
         let name = format!("{run}, {}", scene.scene);
         store.log(EntityPath::properties(), &RecordingInfo::new().with_name(name))?;
         store.log("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;

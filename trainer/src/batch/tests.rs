@@ -31,6 +31,7 @@ fn work(rules: Rules, planning: bool) -> Work {
         prior: None,
         dropout: None,
         wants_gradient: true,
+        wants_looks: false,
     }
 }
 
@@ -164,4 +165,22 @@ fn a_window_without_a_finite_loss_is_named() {
         run(&layout, parameters.values(), &windows, &work(Rules::Mended, true), &Spares::default()).unwrap_err();
     assert_eq!((error.scene.as_str(), error.step), (windows[1].scene.as_str(), windows[1].step));
     assert!(error.to_string().contains("reference line"), "{error}");
+}
+
+#[test]
+fn what_is_looked_at_is_as_far_from_what_happened_as_the_metrics_say() {
+    let windows = few("urban", 3);
+    let windows: Vec<&Window> = windows.iter().collect();
+    let layout = Layout::new(Variant::Joint);
+    for planning in [false, true] {
+        let work = Work { wants_looks: true, wants_gradient: false, ..work(Rules::Mended, planning) };
+        let done = run(&layout, &values(), &windows, &work, &Spares::default()).unwrap();
+        assert_eq!(done.looks.len(), windows.len());
+        for ((window, look), (_, parts, _)) in windows.iter().zip(&done.looks).zip(&done.windows) {
+            let [x, y] = look.plan[STEPS - 1];
+            let [there_x, there_y, ..] = window.future[0][STEPS - 1].map(f64::from);
+            let away = libm::hypot(x - there_x, y - there_y);
+            assert!((away - 3.0 * parts.plan_error[1]).abs() < 1e-9, "{away}, {}", parts.plan_error[1]);
+        }
+    }
 }

@@ -8,7 +8,7 @@ use anyhow::Context;
 use clap::Args;
 
 use super::progress::Progress;
-use super::{INTERRUPTED, Means};
+use super::{Drawing, INTERRUPTED, Means};
 use crate::ablation;
 
 /// Arguments of `ablate`.
@@ -24,6 +24,9 @@ pub struct Ablate {
     /// Folder for the trainings, a folder each, and for the table; trainings that are there go on, finished ones stay
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
+
+    #[command(flatten)]
+    drawing: Drawing,
 }
 
 impl Ablate {
@@ -37,7 +40,7 @@ impl Ablate {
         let examples = self.means.examples()?;
         let mut progress = Progress::new();
         let learner = |settings: &_| self.means.learner(settings);
-        let outcomes = ablation::run(&runs, &examples, &self.out, &learner, &mut progress);
+        let outcomes = ablation::run(&runs, &examples, &self.out, self.drawing.rerun, &learner, &mut progress);
         progress.end();
         let Some(outcomes) = outcomes? else {
             eprintln!("interrupted; the same command goes on from there");

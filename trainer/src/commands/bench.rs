@@ -64,6 +64,7 @@ impl Bench {
                 planning: !self.no_planner,
                 dropout: Some(step),
                 wants_gradient: true,
+                wants_looks: false,
             };
             let mut answer = pool.install(|| learner.step(&ask))?;
             pool.install(|| {

@@ -61,8 +61,7 @@ impl Evaluate {
         for batch in indices.chunks(VALIDATION_BATCH) {
             let windows =
                 batch.iter().map(|index| Ok(examples.get(*index)?)).collect::<anyhow::Result<Vec<Window>>>()?;
-            let ask =
-                Ask { windows: &windows, parameters: &parameters, planning, dropout: None, wants_gradient: false };
+            let ask = Ask::without_gradient(&windows, &parameters, planning);
             sums.add(&learner.step(&ask)?.terms, 0.0);
         }
         let Some((terms, _)) = sums.means() else {

@@ -93,6 +93,15 @@ impl Chosen {
     }
 }
 
+/// What is drawn of a training.
+#[derive(Debug, Args)]
+struct Drawing {
+    /// Draw each training into training.rrd in its folder, for the Rerun viewer: losses, gradient norms, the learned cost, and four
+    /// windows of validation with plans and predictions after each epoch
+    #[arg(long)]
+    rerun: bool,
+}
+
 /// What training is done on.
 #[derive(Debug, Args)]
 struct Means {

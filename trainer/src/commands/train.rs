@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::Args;
 
 use super::progress::Progress;
-use super::{Chosen, INTERRUPTED, Means};
+use super::{Chosen, Drawing, INTERRUPTED, Means};
 use crate::training::{Ended, Task, train};
 
 /// Arguments of `train`.
@@ -25,6 +25,9 @@ pub struct Train {
     /// Go on from the checkpoint in the folder; from the beginning where there is none yet
     #[arg(long)]
     resume: bool,
+
+    #[command(flatten)]
+    drawing: Drawing,
 }
 
 impl Train {
@@ -37,7 +40,8 @@ impl Train {
         let examples = self.means.examples()?;
         let mut learner = self.means.learner(&settings)?;
         let mut progress = Progress::new();
-        let task = Task { settings: &settings, examples: &examples, folder: &self.out, resume: self.resume };
+        let Self { resume, drawing: Drawing { rerun }, .. } = self;
+        let task = Task { settings: &settings, examples: &examples, folder: &self.out, resume, rerun };
         let ended = train(task, learner.as_mut(), &mut progress);
         progress.end();
         match ended? {
