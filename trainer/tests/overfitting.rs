@@ -69,11 +69,10 @@ fn sixty_four_windows_are_learned_by_heart() {
     let settings = Settings::read(text, &[]).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let mut learner = Reckoner::new(&settings).unwrap();
-    let task = Task { settings: &settings, examples: &few, folder: folder.path(), resume: false };
+    let task = Task { settings: &settings, examples: &few, folder: folder.path(), resume: false, rerun: false };
     assert_eq!(train(task, &mut learner, &mut Nobody).unwrap(), Ended::Finished);
     let parameters = Checkpoint::read(&folder.path().join(CHECKPOINT)).unwrap().parameters;
-    let ask =
-        Ask { windows: &few.windows, parameters: &parameters, planning: true, dropout: None, wants_gradient: false };
+    let ask = Ask::without_gradient(&few.windows, &parameters, true);
     let terms = learner.step(&ask).unwrap().terms;
     eprintln!("planner ADE {:.3} m, predictor ADE {:.3} m", terms.planner_ade, terms.predictor_ade);
     assert!(terms.planner_ade < 0.3, "the planner's ADE is {} m", terms.planner_ade);
