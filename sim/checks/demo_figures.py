@@ -45,7 +45,7 @@ def main():
     end = next(index for index, line in enumerate(table) if line.startswith("dipp "))
     notes = [line for line in table[end + 1 :] if line.startswith("* ") and "*" in table[end]]
     block = "".join(f"    {line}".rstrip() + "\n" for line in table[: end + 1] + [""] * len(notes) + notes)
-    old = r"^    (?:XXX )?driver \w+, protocol strict.*\n(?:(?:    .*)?\n)+?    (?:dipp|idm)  .*\n(?:\n    \* .*\n)?"
+    old = r"^    driver dipp, protocol strict.*\n(?:(?:    .*)?\n)+?    dipp  .*\n(?:\n    \* .*\n)?"
     replace(ROOT / "README.md", old, block)
     figures = [f"Over the {scenes} demo scenes:\n", "| driver | " + " | ".join(COLUMNS) + " |", "| --- " * (len(COLUMNS) + 1) + "|"]
     for row in rows:
