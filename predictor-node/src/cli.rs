@@ -40,7 +40,7 @@ pub enum Command {
         /// A .safetensors file [default: those of dipp, built in]
         #[arg(long, value_name = "FILE")]
         weights: Option<PathBuf>,
-        /// How the features are made [default: authors, and mended for the weights that are built in]
+        /// How the features are made [default: as the weights say, or else authors]
         #[arg(long, value_enum)]
         features: Option<FeatureStyle>,
     },

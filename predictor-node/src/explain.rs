@@ -62,8 +62,7 @@ pub fn explain(
     weights: Option<&Path>,
     style: Option<FeatureStyle>,
 ) -> Result<Explanation, ExplainError> {
-    let model = model(weights)?;
-    let style = style.unwrap_or(FeatureStyle::usual(weights));
+    let (model, settings) = model(weights, style)?;
     let bytes = recording::load(path)?;
     let mut reader = Reader::new(&bytes).map_err(|why| ExplainError::NotMcap { path: path.to_owned(), why })?;
     let wrong = |topic, what| ExplainError::Message { path: path.to_owned(), topic, what };
@@ -86,7 +85,7 @@ pub fn explain(
                 if seen.step != step {
                     continue;
                 }
-                let features = SceneFeatures::new(&briefing.map, style.into()).at(&window);
+                let features = SceneFeatures::new(&briefing.map, settings).at(&window);
                 let mut answer = [Answer::empty()];
                 model.forward(&[&features.frame], &mut Workspace::new(1), &mut answer);
                 let [answer] = answer;

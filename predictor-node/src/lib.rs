@@ -53,7 +53,7 @@ pub struct Options {
     /// The network's weights, a .safetensors file [default: those of dipp, built in]
     #[arg(long, value_name = "FILE")]
     pub weights: Option<PathBuf>,
-    /// How the network's features are made [default: authors, and mended for the weights that are built in]
+    /// How the network's features are made [default: as the weights say, or else authors]
     #[arg(long, value_enum)]
     pub features: Option<FeatureStyle>,
 }

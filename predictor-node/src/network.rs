@@ -31,14 +31,6 @@ pub enum FeatureStyle {
     Mended,
 }
 
-impl FeatureStyle {
-    /// What the weights in a file, or else those that are built in, are taken to be trained with.
-    #[must_use]
-    pub fn usual(weights: Option<&Path>) -> Self {
-        weights.map_or(Self::Mended, |_| Self::Authors)
-    }
-}
-
 impl From<FeatureStyle> for Settings {
     fn from(style: FeatureStyle) -> Self {
         match style {
@@ -70,16 +62,17 @@ impl Network {
     /// # Errors
     /// [`NetworkError`] where they cannot be read.
     pub fn open(path: Option<&Path>, style: Option<FeatureStyle>) -> Result<Self, NetworkError> {
-        let settings = style.unwrap_or(FeatureStyle::usual(path)).into();
-        Ok(Self { model: Arc::new(model(path)?), settings })
+        let (model, settings) = model(path, style)?;
+        Ok(Self { model: Arc::new(model), settings })
     }
 }
 
-/// The network with the weights in the file `path`, or those that are built in.
+/// The network with the weights in the file `path`, or those that are built in, and how its features are made: as asked for, else as the
+/// file says, else as the authors make them.
 ///
 /// # Errors
 /// [`NetworkError`].
-pub(crate) fn model(path: Option<&Path>) -> Result<Model, NetworkError> {
+pub(crate) fn model(path: Option<&Path>, style: Option<FeatureStyle>) -> Result<(Model, Settings), NetworkError> {
     let bytes = match path {
         None => Cow::Borrowed(BUILT_IN),
         Some(path) => {
@@ -87,11 +80,25 @@ pub(crate) fn model(path: Option<&Path>) -> Result<Model, NetworkError> {
             Cow::Owned(read.map_err(|source| NetworkError::File { path: path.to_owned(), source })?)
         }
     };
-    let model = Weights::read(&bytes).and_then(|weights| Model::new(&weights));
-    model.map_err(|source| {
-        let path = path.unwrap_or(Path::new(BUILT_IN_NAME)).to_owned();
-        NetworkError::Weights { path, source }
-    })
+    let name = path.unwrap_or(Path::new(BUILT_IN_NAME));
+    let read = Weights::read(&bytes).and_then(|weights| Ok((Model::new(&weights)?, weights.features())));
+    let (model, trained_on) = read.map_err(|source| NetworkError::Weights { path: name.to_owned(), source })?;
+    let trained_on = if path.is_none() { Some(Settings::Mended) } else { trained_on };
+    let asked = style.map(Settings::from);
+    let settings = asked.or(trained_on).unwrap_or(Settings::Authors);
+    let (name, made) = (name.display(), settings.name());
+    match trained_on {
+        None if asked.is_none() => {
+            tracing::warn!(
+                "{name} does not say on which features it was trained: {made} are made, --features has others"
+            );
+        }
+        Some(trained_on) if trained_on != settings => {
+            tracing::warn!("{name} was trained on {} features, but {made} are made", trained_on.name());
+        }
+        _ => {}
+    }
+    Ok((model, settings))
 }
 
 impl PredictorFactory for Network {

@@ -11,7 +11,7 @@ use thiserror::Error;
 use vectors::Report;
 use world::scene::Scene;
 
-use crate::network::NetworkError;
+use crate::network::{FeatureStyle, NetworkError};
 
 /// What is typed for weights that are made by a formula.
 const FORMULA: &str = "formula";
@@ -46,8 +46,11 @@ pub fn verify(
     scenarios: &[String],
 ) -> Result<Vec<(&'static str, Report)>, VerifyNetworkError> {
     let is_formula = weights.as_os_str() == FORMULA;
-    let model =
-        if is_formula { Model::new(&Weights::formula(Variant::Joint))? } else { crate::network::model(Some(weights))? };
+    let model = if is_formula {
+        Model::new(&Weights::formula(Variant::Joint))?
+    } else {
+        crate::network::model(Some(weights), Some(FeatureStyle::Authors))?.0
+    };
     let set = if scenarios.is_empty() { None } else { Some(SceneSet::open(scenarios)?) };
     let scene = |name: &str| -> Option<Arc<Scene>> {
         let set = set.as_ref()?;

@@ -59,8 +59,8 @@ pub struct RunArgs {
     #[arg(long, value_name = "FILE", help_heading = "What to drive")]
     pub weights: Option<PathBuf>,
 
-    /// How the network's features are made: authors, for weights of theirs, or mended [default: mended for weights of this
-    /// repository, else authors]
+    /// How the network's features are made: authors, for weights of theirs, or mended [default: as the weights say, or else
+    /// authors]
     #[arg(long, value_name = "STYLE", value_parser = ["authors", "mended"], help_heading = "What to drive")]
     pub features: Option<String>,
 

@@ -1,10 +1,13 @@
 //! A command line and what it means: settings for the run, and for the machine it runs on.
 
 use std::collections::BTreeMap;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use episode::protocol::{Motion, Protocol, SettingError, StrictSettings};
+use network::features::Settings as Features;
+use network::weights::features_of;
 use results::drivers::{self, Driver, MotionName, Predictor};
 use results::files::{self, FileError};
 use results::settings::{Machine, Node, Planner, Settings};
@@ -161,8 +164,10 @@ fn network(driver: &Driver, file: Option<&Path>, features: Option<&str>) -> Resu
         (None, None | Some(weights::BUILT_IN)) => weights::built_in_sha256().to_owned(),
         (None, Some(file)) => return Err(RequestError::NeedsWeights { name: driver.name, file }),
     };
+    // Those of the repository, whose files are older than the word in them, and the authors' do not say it.
+    let said = file.and_then(|file| fs::read(file).ok()).and_then(|bytes| features_of(&bytes)).map(Features::name);
     let usual = if weights::is_ours(&sha256) { weights::FEATURES } else { "authors" };
-    let options = vec!["--features".to_owned(), features.unwrap_or(usual).to_owned()];
+    let options = vec!["--features".to_owned(), features.or(said).unwrap_or(usual).to_owned()];
     Ok(Node { options, weights_sha256: Some(sha256), ..Node::named("network", false) })
 }
 
@@ -186,6 +191,7 @@ mod tests {
     use super::*;
     use clap::Parser;
     use episode::protocol::{EndingCollision, Wheelbase};
+    use network::weights::{Precision, Variant, Weights};
     use results::settings::{Build, RunFile, SceneLine};
 
     fn resolve(arguments: &[&str]) -> Request {
@@ -258,6 +264,13 @@ mod tests {
         assert_eq!(network(&["--features", "authors"]).options, ["--features", "authors"]);
         let other = concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml");
         assert_eq!(network(&["--weights", other]).options, ["--features", "authors"]);
+        let folder = tempfile::tempdir().unwrap();
+        let trained = folder.path().join("trained.safetensors");
+        let weights = Weights::formula(Variant::Joint).with_features(Features::Mended);
+        fs::write(&trained, weights.write(Precision::Half).unwrap()).unwrap();
+        let trained = trained.to_str().unwrap();
+        assert_eq!(network(&["--weights", trained]).options, ["--features", "mended"]);
+        assert_eq!(network(&["--weights", trained, "--features", "authors"]).options, ["--features", "authors"]);
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! Where windows come from, as the loop sees it.
 
+use network::features::Settings as Features;
+
 use crate::windows::{Window, Windows};
 
 /// A set of windows, each of training or of validation. A scene's windows are all of one.
@@ -24,6 +26,9 @@ pub trait Examples {
     /// Those that are only looked at.
     fn validation(&self) -> &[usize];
 
+    /// Whose features they have.
+    fn features(&self) -> Features;
+
     /// Tells this set from any other.
     fn digest(&self) -> String;
 }
@@ -43,6 +48,10 @@ impl Examples for Windows {
 
     fn validation(&self) -> &[usize] {
         Self::validation(self)
+    }
+
+    fn features(&self) -> Features {
+        self.recipe().features.into()
     }
 
     fn digest(&self) -> String {

@@ -385,7 +385,9 @@ impl Training<'_> {
 
     fn write_weights(&self, epoch: usize) -> Result<(), TrainingError> {
         let folder = self.task.folder;
-        let weights = self.state.parameters.weights()?.with_cost_form(self.task.settings.cost.kind.form());
+        let Task { settings, examples, .. } = &self.task;
+        let weights = self.state.parameters.weights()?.with_cost_form(settings.cost.kind.form());
+        let weights = weights.with_features(examples.features());
         let single = weights.write(Precision::Single)?;
         whole_file::write(&folder.join("weights.safetensors"), &single)?;
         if self.task.settings.keep_epochs {

@@ -56,6 +56,10 @@ impl Examples for Blank {
         })
     }
 
+    fn features(&self) -> network::features::Settings {
+        network::features::Settings::Mended
+    }
+
     fn training(&self) -> &[usize] {
         &self.training
     }

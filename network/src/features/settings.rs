@@ -11,3 +11,20 @@ pub enum Settings {
     #[default]
     Mended,
 }
+
+impl Settings {
+    /// What files and options call them.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Authors => "authors",
+            Self::Mended => "mended",
+        }
+    }
+
+    /// Those of this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        [Self::Authors, Self::Mended].into_iter().find(|settings| settings.name() == name)
+    }
+}

@@ -65,6 +65,9 @@ pub enum WeightsError {
         /// What is there.
         value: f32,
     },
+    /// Features that nobody makes.
+    #[error("the metadata say that they were trained on features of the style {0:?}: authors or mended is expected")]
+    Features(String),
     /// A constant of the architecture that is another one in the file.
     #[error("tensor {name} holds {got:?}: the architecture has {expected:?}")]
     Constant {

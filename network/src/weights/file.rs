@@ -1,14 +1,20 @@
 //! Weights in the safetensors format, in single or half precision.
 
+use std::collections::HashMap;
+
 use half::f16;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use super::error::WeightsError;
 use super::layout::{BUFFERS, CostForm, Variant, layout};
 use super::{Tensor, Weights};
+use crate::features::Settings;
 
 /// The buffer of the shares' scales.
 const SCALE: &str = "plan.scale";
+
+/// The metadata's only key: on whose features they were trained.
+const FEATURES: &str = "features";
 
 /// How numbers are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,7 +48,11 @@ impl Weights {
             let values = numbers(&expected.name, &view)?;
             tensors.push((expected.name, Tensor { shape: expected.shape, values }));
         }
-        let mut weights = Self { variant, cost_form: CostForm::Shares, tensors };
+        let features = match word(bytes) {
+            Some(word) => Some(Settings::named(&word).ok_or(WeightsError::Features(word))?),
+            None => None,
+        };
+        let mut weights = Self { variant, cost_form: CostForm::Shares, features, tensors };
         let mut names: Vec<String> = file.names().into_iter().map(ToString::to_string).collect();
         names.sort();
         for name in names {
@@ -89,9 +99,21 @@ impl Weights {
             let view = TensorView::new(*dtype, shape.to_vec(), bytes);
             views.push((*name, view.map_err(|error| WeightsError::Format(error.to_string()))?));
         }
-        // No metadata: the library would write that in the order of a hash. Tensors it sorts by type and name.
-        safetensors::serialize(views, None).map_err(|error| WeightsError::Format(error.to_string()))
+        // One key: more would be written in the order of a hash. Tensors the library sorts by type and name.
+        let metadata = self.features.map(|features| HashMap::from([(FEATURES.to_owned(), features.name().to_owned())]));
+        safetensors::serialize(views, metadata).map_err(|error| WeightsError::Format(error.to_string()))
     }
+}
+
+/// On whose features the weights in a file were trained, if it says so and is read that far.
+#[must_use]
+pub fn features_of(bytes: &[u8]) -> Option<Settings> {
+    Settings::named(&word(bytes)?)
+}
+
+fn word(bytes: &[u8]) -> Option<String> {
+    let (_, head) = SafeTensors::read_metadata(bytes).ok()?;
+    head.metadata().as_ref()?.get(FEATURES).cloned()
 }
 
 fn check_shape(name: &str, expected: &[usize], view: &TensorView<'_>) -> Result<(), WeightsError> {

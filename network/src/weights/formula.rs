@@ -11,7 +11,7 @@ impl Weights {
             let values = values(&name, &shape);
             (name, Tensor { shape, values })
         });
-        Self { variant, cost_form: CostForm::default(), tensors: tensors.collect() }
+        Self { variant, cost_form: CostForm::default(), features: None, tensors: tensors.collect() }
     }
 }
 

@@ -21,9 +21,11 @@ pub(crate) mod layout;
 mod tests;
 
 pub use error::WeightsError;
-pub use file::Precision;
+pub use file::{Precision, features_of};
 pub use formula::formula_numbers;
 pub use layout::{CostForm, TensorLayout, Variant, layout};
+
+use crate::features;
 
 /// A tensor: numbers row by row.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,6 +39,7 @@ struct Tensor {
 pub struct Weights {
     variant: Variant,
     cost_form: CostForm,
+    features: Option<features::Settings>,
     /// In the order of [`layout`].
     tensors: Vec<(String, Tensor)>,
 }
@@ -58,6 +61,18 @@ impl Weights {
     #[must_use]
     pub fn with_cost_form(self, cost_form: CostForm) -> Self {
         Self { cost_form, ..self }
+    }
+
+    /// On whose features they were trained, if they say so: those of the authors do not.
+    #[must_use]
+    pub fn features(&self) -> Option<features::Settings> {
+        self.features
+    }
+
+    /// The same, trained on these features.
+    #[must_use]
+    pub fn with_features(self, features: features::Settings) -> Self {
+        Self { features: Some(features), ..self }
     }
 
     /// Each tensor's name, shape and numbers, in the order of [`layout`].
@@ -82,7 +97,7 @@ impl Weights {
             }
             tensors.push((name, Tensor { shape, values }));
         }
-        Ok(Self { variant, cost_form: CostForm::default(), tensors })
+        Ok(Self { variant, cost_form: CostForm::default(), features: None, tensors })
     }
 
     /// The numbers of a tensor, row by row.

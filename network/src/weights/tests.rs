@@ -1,3 +1,5 @@
+use std::collections::HashMap;
+
 use proptest::prelude::*;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
@@ -105,6 +107,26 @@ proptest! {
         bytes.truncate(bytes.len() - cut.saturating_sub(6));
         crate::fuzzing::weights(&bytes);
     }
+}
+
+#[test]
+fn the_features_they_were_trained_on_are_said_in_the_file() {
+    let plain = Weights::formula(Variant::Imitation);
+    assert_eq!(features_of(&plain.write(Precision::Half).unwrap()), None);
+    for features in [features::Settings::Authors, features::Settings::Mended] {
+        let weights = plain.clone().with_features(features);
+        let bytes = weights.write(Precision::Single).unwrap();
+        assert_eq!(features_of(&bytes), Some(features));
+        assert_eq!(Weights::read(&bytes).unwrap(), weights);
+    }
+    let other = HashMap::from([("features".to_owned(), "mine".to_owned())]);
+    let bytes = safetensors::serialize(None::<(&str, TensorView<'_>)>, Some(other)).unwrap();
+    assert_eq!(features_of(&bytes), None);
+    let bytes = plain.with_features(features::Settings::Mended).write(Precision::Half).unwrap();
+    let place = bytes.windows(8).position(|word| word == b"\"mended\"").unwrap();
+    let bytes = [&bytes[..place], b"\"melded\"", &bytes[place + 8..]].concat();
+    let error = Weights::read(&bytes).unwrap_err();
+    assert_eq!(error, WeightsError::Features("melded".to_owned()));
 }
 
 #[test]

@@ -61,8 +61,8 @@ fn help_says_what_can_be_typed() {
           --weights <FILE>             Weights of the prediction network, a .safetensors file [default:
                                        those of dipp, built in; sep, il-pred and il have none]
           --features <STYLE>           How the network's features are made: authors, for weights of
-                                       theirs, or mended [default: mended for weights of this
-                                       repository, else authors] [possible values: authors, mended]
+                                       theirs, or mended [default: as the weights say, or else authors]
+                                       [possible values: authors, mended]
           --planner-command <COMMAND>  A planner of your own: a shell command, told where to connect by
                                        RELOOP_* variables and by arguments
           --planner <WHICH>            A planner that you start yourself, with --worker '*' and the

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use clap::Args;
+use network::features::Settings as Features;
 use network::weights::Weights;
 
 use super::{Chosen, Means};
@@ -53,6 +54,13 @@ impl Evaluate {
             );
         }
         let examples = self.means.examples()?;
+        let shown: Features = examples.recipe().features.into();
+        if let Some(trained_on) = weights.features().filter(|features| *features != shown) {
+            let (path, trained_on, shown) = (self.weights.display(), trained_on.name(), shown.name());
+            bail!(
+                "{path} was trained on {trained_on} features, and the windows have {shown} ones\nhint: trainer prepare --features {trained_on}"
+            );
+        }
         let indices = if self.training { examples.training() } else { examples.validation() };
         let mut learner = self.means.learner(&settings)?;
         let planning = settings.mode == Mode::Dipp && !self.no_planner;
