@@ -4,6 +4,9 @@
 //! is the same for any number of threads. Where the authors couple the windows (`training.md` 2), the first one's plan is found before the
 //! others'.
 
+use std::collections::BTreeMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use gauss_newton::constants::TERMS;
 use gauss_newton::{Choices, Controls, Layer};
 use network::constants::{COST_WEIGHTS, HISTORY, NEIGHBORS, STEPS};
@@ -103,39 +106,75 @@ pub fn run<T: Scalar>(
             first = Some(heard);
             lead
         });
-    let mut groups: Vec<_> = windows.chunks(GROUP).enumerate().map(|(index, windows)| (index, windows, None)).collect();
-    if let Some((.., heard)) = groups.first_mut() {
-        *heard = first;
-    }
-    let groups: Vec<_> = groups
-        .into_par_iter()
-        .map(|(index, windows, heard)| batch.group(index, windows, heard, lead.as_ref()))
-        .collect();
-    // In the order of the windows: the first without a loss is told.
-    let mut groups = groups.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter();
-    let Some(mut done) = groups.next() else { return Ok(Done::default()) };
-    let mut gradients = Vec::new();
-    for group in groups {
-        gradients.push(group.gradient);
-        group.windows.iter().for_each(|(_, parts, _)| done.parts.add(parts));
-        done.prior += group.prior;
-        done.windows.extend(group.windows);
-        done.looks.extend(group.looks);
-    }
-    done.gradient.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, sum)| {
-        for gradient in &gradients {
-            let more = &gradient[chunk * CHUNK..][..sum.len()];
-            sum.iter_mut().zip(more).for_each(|(sum, more)| *sum = *sum + *more);
+    // One after the other from a queue, and not a part of them for each thread: what is done can be summed, and its memory used again.
+    let queue = Mutex::new(windows.chunks(GROUP).enumerate());
+    let (first, merged) = (Mutex::new(first), Mutex::new(Merged::default()));
+    (0..rayon::current_num_threads().min(windows.len().div_ceil(GROUP))).into_par_iter().for_each(|_| {
+        while let Some((index, windows)) = next(&queue) {
+            let heard = if index == 0 { locked(&first).take() } else { None };
+            let group = batch.group(index, windows, heard, lead.as_ref());
+            locked(&merged).bring(index, group, spares);
         }
     });
-    let mut spare = spares.take();
-    gradients.into_iter().for_each(|gradient| spare.keep(gradient));
-    spares.bring(spare);
-    Ok(done)
+    merged.into_inner().unwrap_or_else(PoisonError::into_inner).done.unwrap_or_else(|| Ok(Done::default()))
 }
 
-/// How many numbers a thread sums at a time.
-const CHUNK: usize = 1 << 16;
+/// The lock; whoever panicked left nothing half done that is used again.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn next<I: Iterator>(queue: &Mutex<I>) -> Option<I::Item> {
+    locked(queue).next()
+}
+
+/// What groups have done, put together in the order of the windows.
+struct Merged<T> {
+    /// The sum of those that came without a gap, or why one of them has none.
+    done: Option<Result<Done<T>, BatchError>>,
+    /// How many they are.
+    count: usize,
+    /// Those that came too early.
+    early: BTreeMap<usize, Result<Done<T>, BatchError>>,
+}
+
+impl<T> Default for Merged<T> {
+    fn default() -> Self {
+        Self { done: None, count: 0, early: BTreeMap::new() }
+    }
+}
+
+impl<T: Scalar> Merged<T> {
+    fn bring(&mut self, index: usize, group: Result<Done<T>, BatchError>, spares: &Spares<T>) {
+        self.early.insert(index, group);
+        while let Some(group) = self.early.remove(&self.count) {
+            self.count += 1;
+            match (&mut self.done, group) {
+                (Some(Ok(done)), Ok(group)) => {
+                    let gradient = done.add(group);
+                    let mut spare = spares.take();
+                    spare.keep(gradient);
+                    spares.bring(spare);
+                }
+                // The first window without a loss is told.
+                (Some(Err(_)), _) => {}
+                (done, group) => *done = Some(group),
+            }
+        }
+    }
+}
+
+impl<T: Scalar> Done<T> {
+    /// Adds what comes after it, and gives back the memory of its gradient.
+    fn add(&mut self, more: Self) -> Vec<T> {
+        self.gradient.iter_mut().zip(&more.gradient).for_each(|(sum, more)| *sum = *sum + *more);
+        more.windows.iter().for_each(|(_, parts, _)| self.parts.add(parts));
+        self.prior += more.prior;
+        self.windows.extend(more.windows);
+        self.looks.extend(more.looks);
+        more.gradient
+    }
+}
 
 /// What all windows of a batch have in common.
 struct Batch<'a, T: Scalar> {

@@ -41,6 +41,12 @@ impl Reckoner {
 }
 
 impl Learner for Reckoner {
+    fn take_back(&mut self, gradient: Vec<f32>) {
+        let mut spare = self.spares.take();
+        spare.keep(gradient);
+        self.spares.bring(spare);
+    }
+
     fn step(&mut self, ask: &Ask<'_>) -> Result<Answer, StepError> {
         let settings = &self.settings;
         let work = Work {

@@ -169,6 +169,9 @@ pub trait Learner {
     /// # Errors
     /// [`StepError`] names the window that has no loss.
     fn step(&mut self, ask: &Ask<'_>) -> Result<Answer, StepError>;
+
+    /// The gradient of an answer, when it is done with: its memory can serve the next.
+    fn take_back(&mut self, _gradient: Vec<f32>) {}
 }
 
 /// Why a batch has no loss.

@@ -315,6 +315,7 @@ impl Training<'_> {
         }
         let Checkpoint { parameters, adam, .. } = &mut self.state;
         adam.step(parameters, &gradient, &has_gradient, &schedule, &settings.adam);
+        self.learner.take_back(gradient);
         self.state.step += 1;
         self.state.sums.add(&terms, gradient_norm);
         let seconds = started.elapsed().as_secs_f64();

@@ -71,6 +71,7 @@ impl Bench {
                 optimiser::clip(&mut answer.gradient, &places, &answer.has_gradient, settings.clip);
                 adam.step(&mut parameters, &answer.gradient, &answer.has_gradient, &schedule, &settings.adam);
             });
+            learner.take_back(answer.gradient);
             terminal::say(&format!("step {:.4} s\n", begun.elapsed().as_secs_f64()))?;
         }
         if let Some(peak) = peak_memory() {

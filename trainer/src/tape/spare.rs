@@ -8,7 +8,7 @@ use super::Scalar;
 /// Shorter ones are left to the allocator.
 const LEAST: usize = 1 << 12;
 /// What so many tapes did not use is let go: the next batch has other sizes.
-const IDLE: u32 = 4;
+const IDLE: u32 = 1;
 
 /// Buffers that nobody needs any more, by what they can hold; the last that came is the first to go.
 #[derive(Debug, Default)]
@@ -26,7 +26,11 @@ impl<T: Scalar> Spare<T> {
         }
         // One that is much longer would be missed elsewhere.
         let found = self.buffers.range_mut(count..=count + count / 2).find_map(|(_, buffers)| buffers.pop());
-        let Some((_, mut buffer)) = found else { return vec![T::ZERO; count] };
+        let Some((_, mut buffer)) = found else {
+            let mut fresh = vec![T::ZERO; rounded(count)];
+            fresh.truncate(count);
+            return fresh;
+        };
         buffer.resize(count, T::ZERO);
         if cfg!(debug_assertions) {
             buffer.fill(T::of(f64::NAN));
@@ -64,6 +68,11 @@ impl<T: Scalar> Spare<T> {
             !buffers.is_empty()
         });
     }
+}
+
+/// At most a quarter more: batches have other sizes each time, and a buffer that is let go and asked for anew leaves a gap.
+fn rounded(count: usize) -> usize {
+    count.next_multiple_of((count.next_power_of_two() / 8).max(1))
 }
 
 /// The memory of several tapes: each takes one part, and brings it back.
