@@ -10,6 +10,9 @@ use crate::geometry::{Point, Point3, polygon_contains};
 /// Metres a second in a mile an hour.
 pub const METERS_PER_SECOND_PER_MPH: f64 = 0.44704;
 
+/// What is taken for the limit where the map gives none: the usual one of residential streets in the United States (mph).
+pub const USUAL_SPEED_LIMIT_MPH: f64 = 25.0;
+
 /// The number of a map feature, unique in its scene; a space of its own beside [`crate::scene::TrackId`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct MapId(pub i64);

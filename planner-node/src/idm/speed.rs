@@ -4,6 +4,7 @@
 //! decel_max 3.0 m/s^2); the standstill gap of 2 m and the exponent 4 are Treiber's. nuPlan accelerates with 1.0 m/s^2;
 //! 1.5 is nearer to the mean of Waymo's drivers, who would else leave it far behind.
 
+use world::map::{METERS_PER_SECOND_PER_MPH, USUAL_SPEED_LIMIT_MPH};
 use world::plan::STEP_SECONDS;
 
 use super::corridor::Corridor;
@@ -21,8 +22,8 @@ const COMFORTABLE_BRAKING: f64 = 1.0;
 /// Hardest braking (m/s^2): the vehicle's own.
 pub const HARDEST_BRAKING: f64 = 5.0;
 
-/// Where the map gives no speed limit: 25 mph, the usual one of residential streets in the United States (m/s).
-const DEFAULT_SPEED_LIMIT: f64 = 25.0 * world::map::METERS_PER_SECOND_PER_MPH;
+/// Where the map gives no speed limit (m/s).
+const DEFAULT_SPEED_LIMIT: f64 = USUAL_SPEED_LIMIT_MPH * METERS_PER_SECOND_PER_MPH;
 /// Lateral acceleration in curves (m/s^2): between what passengers like (about 2) and the bound of nuPlan's comfort metric (4.89).
 const LATERAL_ACCELERATION: f64 = 3.0;
 /// Braking towards a curve or a lower limit (m/s^2).

@@ -2,6 +2,7 @@
 //! (`planner.md` 1, `closed-loop.md` 4).
 
 use world::authors_frame;
+use world::map::USUAL_SPEED_LIMIT_MPH;
 use world::map_matching::LanePoints;
 use world::reference_line::WINDOW_SAMPLES;
 use world::route::{Route, RouteError, RouteStyle};
@@ -44,7 +45,12 @@ impl Lines {
         let lane = lane.filter(|lane| lane.id.0 > 0).ok_or(RouteError::NoLane { log_index: step })?;
         let (nearest, _) = self.route.nearest_sample(av.position());
         let mut window = self.route.window(nearest, scene.signals(step));
-        window.speed_limit = Some(lane.speed_limit_mph / MPH_PER_METER_PER_SECOND);
+        // To the authors a limit that is not known is 0, which reads as a wish to stand, and behind a crosswalk as red.
+        let limit = match whose {
+            Whose::Mended if lane.speed_limit_mph <= 0.0 => USUAL_SPEED_LIMIT_MPH,
+            _ => lane.speed_limit_mph,
+        };
+        window.speed_limit = Some(limit / MPH_PER_METER_PER_SECOND);
         let info = window.authors_info();
         let line = &window.line;
         let row = |(nth, info): (usize, &f64)| {

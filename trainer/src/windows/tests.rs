@@ -8,6 +8,7 @@ use network::verify;
 use proptest::prelude::*;
 use scenarios::SceneSet;
 use vectors::{Npz, Quantity, Report, absolute, worst_deviation};
+use world::scene::Scene;
 
 use super::*;
 
@@ -80,6 +81,20 @@ fn a_window_knows_what_follows() {
         let at_av = f64::from(window.line[200][0]);
         assert!(at_av.abs() < 0.2, "{at_av}");
     }
+}
+
+#[test]
+fn a_limit_that_is_not_known_is_no_wish_to_stand() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut parts = Scene::clone(&set(folder.path(), 1).load(0).unwrap().0).into_parts();
+    parts.map.lanes.iter_mut().for_each(|lane| lane.speed_limit_mph = 0.0);
+    let scene = parts.check().unwrap().0;
+    let fastest = |features| {
+        let window = cut(&scene, &Recipe { features, ..RECIPE }).windows.remove(0);
+        window.line.iter().map(|row| row[4]).fold(0.0, f32::max)
+    };
+    assert!(fastest(Whose::Authors) <= 1.0);
+    assert!((10.0..12.0).contains(&fastest(Whose::Mended)));
 }
 
 #[test]
