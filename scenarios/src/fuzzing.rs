@@ -159,7 +159,7 @@ pub fn womd_seeds() -> Vec<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::generated::Pcg32;
+    use world::pcg::Pcg32;
 
     /// A few thousand inputs, each a whole one with some bytes changed, cut out, repeated or put in.
     fn mutated(seeds: &[Vec<u8>], count: usize, mut test: impl FnMut(&[u8])) {

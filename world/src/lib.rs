@@ -13,6 +13,7 @@
 //! | [`frenet`] | along the line and beside it |
 //! | [`vehicle`] | how the AV moves: the kinematic bicycle model and its limits |
 //! | [`observation`], [`plan`] | what a driver is told and what it answers |
+//! | [`pcg`] | random numbers that are the same everywhere |
 //! | [`authors_frame`] | states in the AV's frame by the paper's code, to its last bit |
 
 pub mod authors_frame;
@@ -22,6 +23,7 @@ pub mod lane_graph;
 pub mod map;
 pub mod map_matching;
 pub mod observation;
+pub mod pcg;
 pub mod plan;
 pub mod reference_line;
 pub mod route;

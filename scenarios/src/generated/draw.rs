@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::parameters::{Parameter, Parameters};
-use super::pcg::Pcg32;
+use world::pcg::Pcg32;
 
 /// Random numbers of one scene, and the values of its parameters.
 ///
@@ -60,7 +60,7 @@ impl Draw {
 
     /// A number from 0 to before `count`; 0 if that is none.
     pub(super) fn below(&mut self, count: usize) -> usize {
-        ((u64::from(self.random.next()) * count as u64) >> 32) as usize
+        ((u64::from(self.random.bits()) * count as u64) >> 32) as usize
     }
 
     /// One of `choices`.

@@ -10,7 +10,7 @@
 //! | module | what |
 //! | --- | --- |
 //! | `families` | what each family is about |
-//! | `parameters`, `draw`, `pcg` | what a user may narrow down; what a scene draws; random numbers from a seed |
+//! | `parameters`, `draw` | what a user may narrow down; what a scene draws |
 //! | `towns`, `roads`, `curve` | towns that scenes take place in; how they are laid; the curves of it all |
 //! | `stage` | sets a scene: the AV, the family's own actors, everybody else |
 //! | `traffic`, `sizes` | how all of them move; how large they are |
@@ -22,7 +22,6 @@ mod families;
 #[cfg(test)]
 mod laws;
 mod parameters;
-mod pcg;
 mod perception;
 mod roads;
 mod sizes;
@@ -38,9 +37,6 @@ pub use self::stage::Mishap;
 use self::stage::Stage;
 use self::towns::Place;
 use crate::womd::{self, WomdError};
-#[cfg(test)]
-pub(crate) use pcg::Pcg32;
-
 pub use families::FAMILIES;
 pub use parameters::{COMMON, Parameter, ParameterError, Parameters};
 

@@ -1,7 +1,7 @@
 //! Where a street's lanes are cut across: all of them at once, in stretches about as long as real maps' are.
 
-use super::super::pcg::Pcg32;
 use super::net::NetStreet;
+use world::pcg::Pcg32;
 
 /// Lengths (m) of sections, at even shares of all of them. With the ways through junctions, which are neither short nor long, the lanes
 /// of a map come out as real ones: half of them below 17 m, a quarter above 36 m.

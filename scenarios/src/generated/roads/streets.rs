@@ -4,12 +4,12 @@ use world::geometry::{Point, Point3, Pose};
 use world::map::{RoadEdgeKind, RoadLineKind};
 
 use super::super::curve::Curve;
-use super::super::pcg::Pcg32;
 use super::builder::{Bound, Builder, NewLane};
 use super::net::{CROSSWALK, End, NetStreet};
 use super::profile::{BIKE_LANE, Direction, PARKING, Profile, WALK};
 use super::sections::Sections;
 use super::{Bay, Crossing, LaneIndex, Middle, flat};
+use world::pcg::Pcg32;
 
 /// A place to park beside a curb (m), and how much of the street two of them take.
 const BAY: f64 = 6.1;

@@ -4,7 +4,7 @@ use world::geometry::Point;
 
 use super::super::*;
 use crate::generated::curve::{straight, turn};
-use crate::generated::pcg::Pcg32;
+use world::pcg::Pcg32;
 
 /// Towns of up to nine junctions in a grid that is out of square, with stubs that lead out of it.
 pub(super) fn any_town(seed: u64) -> Town {
