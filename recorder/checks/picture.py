@@ -17,7 +17,7 @@ viewer = subprocess.Popen(
     stderr=subprocess.DEVNULL,
 )
 try:
-    time.sleep(12)  # the viewer's notices cover the picture until then
+    time.sleep(9)  # the viewer's notices cover the picture until then
     ViewerClient(f"127.0.0.1:{port}").save_screenshot(picture)
 finally:
     viewer.terminate()
