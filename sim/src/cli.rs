@@ -1,6 +1,7 @@
 //! What can be typed. What it means is decided in [`crate::request`].
 
 use std::path::PathBuf;
+use std::str::FromStr;
 use std::time::Duration;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
@@ -26,6 +27,10 @@ pub struct Cli {
 pub enum Command {
     /// Drive scenes and write a run folder
     Run(Box<RunArgs>),
+    /// Drive scenes with several drivers, and print one table
+    ///
+    /// A run for each driver and protocol, in a folder of its own. The same command goes on where it was stopped, and drives nothing twice.
+    Matrix(MatrixArgs),
     /// Print the tables of finished runs
     Table(TableArgs),
     /// Hold the protocol `paper` to vectors of the authors' simulator
@@ -125,6 +130,83 @@ pub struct RunArgs {
     pub timing: bool,
 }
 
+/// `sim matrix`.
+#[derive(Debug, Args)]
+pub struct MatrixArgs {
+    /// Scenes, as for `sim run` [default: the built-in demo set]
+    #[arg(value_name = "PATH", help_heading = "What to drive")]
+    pub paths: Vec<String>,
+
+    /// Scenes, as PATH is; takes all that follows up to the next option
+    #[arg(long, value_name = "PATH", num_args = 1.., conflicts_with = "paths", help_heading = "What to drive")]
+    pub scenarios: Vec<String>,
+
+    /// Who drives: drivers of `sim run`, each [LABEL:]DRIVER[=WEIGHTS], as idm,sep=weights/il-pred.f16.safetensors
+    #[arg(long, required = true, value_delimiter = ',', value_name = "NAMES", help_heading = "What to drive")]
+    pub drivers: Vec<Entrant>,
+
+    /// The rules of an episode, one table each
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "strict", help_heading = "What to drive")]
+    pub protocols: Vec<ProtocolName>,
+
+    /// A setting of `strict`, as for `sim run`
+    #[arg(long, value_name = "KEY=VALUE", num_args = 1, help_heading = "What to drive")]
+    pub set: Vec<String>,
+
+    /// The folder of all runs, DIR/LABEL-PROTOCOL each
+    #[arg(long, value_name = "DIR", default_value = "runs/matrix", help_heading = "How to run")]
+    pub out: PathBuf,
+
+    /// Which episodes to keep a recording of
+    #[arg(long, value_enum, default_value_t = Record::None, help_heading = "How to run")]
+    pub record: Record,
+
+    /// Drive episodes again, as for `sim run`
+    #[arg(long, value_enum, value_name = "WHICH", value_delimiter = ',', help_heading = "How to run")]
+    pub retry: Vec<Retry>,
+
+    /// Episodes driven at a time; results do not depend on it [default: the cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256), help_heading = "How to run")]
+    pub parallel: Option<u16>,
+
+    /// Keep each worker with its nodes on a core of its own
+    #[arg(long, help_heading = "How to run")]
+    pub pin: bool,
+
+    /// How long an answer may take: 5s, 500ms
+    #[arg(long, value_name = "TIME", default_value = "5s", value_parser = parse_duration, help_heading = "How to run")]
+    pub deadline: Duration,
+
+    /// How to print
+    #[arg(long, value_enum, default_value_t, help_heading = "How to run")]
+    pub format: TableFormat,
+}
+
+/// Who drives in a matrix: `[LABEL:]DRIVER[=WEIGHTS]`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entrant {
+    /// What tables call it.
+    pub label: String,
+    /// The driver.
+    pub driver: String,
+    /// The network's weights, if they are not those that are built in.
+    pub weights: Option<PathBuf>,
+}
+
+impl FromStr for Entrant {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (name, weights) = text.split_once('=').map_or((text, None), |(name, file)| (name, Some(file)));
+        let (label, driver) = name.split_once(':').unwrap_or((name, name));
+        if drivers::find(driver).is_none() {
+            let known: Vec<&str> = DRIVERS.iter().map(|driver| driver.name).collect();
+            return Err(format!("{driver:?} is no driver; there are {}", known.join(", ")));
+        }
+        Ok(Self { label: label.to_owned(), driver: driver.to_owned(), weights: weights.map(PathBuf::from) })
+    }
+}
+
 /// `sim table`.
 #[derive(Debug, Args)]
 pub struct TableArgs {
@@ -179,6 +261,17 @@ pub enum ProtocolName {
     Paper,
 }
 
+impl ProtocolName {
+    /// As it is typed.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Strict => "strict",
+            Self::Paper => "paper",
+        }
+    }
+}
+
 /// What `--driver` takes.
 fn driver_names() -> PossibleValuesParser {
     DRIVERS.iter().map(|driver| PossibleValue::new(driver.name).help(driver.about)).collect::<Vec<_>>().into()
@@ -208,6 +301,19 @@ mod tests {
     #[test]
     fn the_command_line_is_well_formed() {
         <Cli as clap::CommandFactory>::command().debug_assert();
+    }
+
+    #[test]
+    fn entrants_have_a_driver_and_may_have_a_label_and_weights() {
+        let entrant = |label: &str, driver: &str, weights: Option<&str>| Entrant {
+            label: label.to_owned(),
+            driver: driver.to_owned(),
+            weights: weights.map(PathBuf::from),
+        };
+        assert_eq!("idm".parse(), Ok(entrant("idm", "idm", None)));
+        assert_eq!("sep=a/b=c".parse(), Ok(entrant("sep", "sep", Some("a/b=c"))));
+        assert_eq!("seed-43:dipp=x:y".parse(), Ok(entrant("seed-43", "dipp", Some("x:y"))));
+        assert!("nobody".parse::<Entrant>().unwrap_err().contains("idm"));
     }
 
     #[test]

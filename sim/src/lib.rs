@@ -3,12 +3,14 @@
 //! | module | what |
 //! | --- | --- |
 //! | [`cli`], [`request`] | what can be typed, and what it means |
+//! | [`matrix`] | several drivers over the same scenes |
 //! | [`run`] | many episodes: workers, nodes, the bus, interrupts |
 //! | [`verify`](mod@verify) | the protocol `paper` beside the authors' own numbers |
 //!
 //! One drive is in [`episode`], what a run leaves in [`results`], tables are in [`evaluation`].
 
 pub mod cli;
+pub mod matrix;
 pub mod request;
 pub mod run;
 pub mod verify;

@@ -11,7 +11,8 @@ use std::thread;
 use evaluation::scenes::{self, Scenes};
 use evaluation::table::{self, TableFormat};
 use results::summary::{Summary, SummaryError};
-use sim::cli::{Cli, Command, RunArgs, TableArgs, VerifyArgs};
+use sim::cli::{Cli, Command, MatrixArgs, RunArgs, TableArgs, VerifyArgs};
+use sim::matrix;
 use sim::request::Request;
 use sim::run::clock::{Clock, WallClock};
 use sim::run::console::Console;
@@ -27,6 +28,7 @@ fn main() -> ExitCode {
     log_to(&console, cli.verbose);
     let done = match cli.command {
         Command::Run(arguments) => drive(*arguments, clock, &console),
+        Command::Matrix(arguments) => drive_matrix(&arguments, clock, &console),
         Command::Table(arguments) => print_tables(&arguments, &console),
         Command::Verify(arguments) => print_verdict(&arguments),
     };
@@ -56,8 +58,7 @@ fn log_to(console: &Console, verbose: u8) {
 }
 
 fn drive(arguments: RunArgs, clock: WallClock, console: &Console) -> anyhow::Result<ExitCode> {
-    let cores = thread::available_parallelism().map_or(1, NonZero::get);
-    let request = Request::resolve(arguments, cores.try_into().unwrap_or(u16::MAX))?;
+    let request = Request::resolve(arguments, cores())?;
     let interrupts = Interrupts::catch()?;
     let done = run::run(&request, clock, console, &interrupts)?;
     let summary = Summary::read(&done.folder)?;
@@ -66,6 +67,24 @@ fn drive(arguments: RunArgs, clock: WallClock, console: &Console) -> anyhow::Res
     terminal::say(&format!("\nfolder {}\ndigest {}\n", done.folder.display(), results::digest(&done.folder)?))?;
     if request.timing {
         console.line(&done.breakdown.lines(clock.now().as_secs_f64()));
+    }
+    Ok(if clean { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+fn cores() -> u16 {
+    let cores = thread::available_parallelism().map_or(1, NonZero::get);
+    cores.try_into().unwrap_or(u16::MAX)
+}
+
+fn drive_matrix(arguments: &MatrixArgs, clock: WallClock, console: &Console) -> anyhow::Result<ExitCode> {
+    let requests = matrix::requests(arguments, cores())?;
+    let interrupts = Interrupts::catch()?;
+    let folders = matrix::drive(&requests, clock, console, &interrupts)?;
+    let runs = folders.iter().map(|folder| Summary::read(folder)).collect::<Result<Vec<Summary>, _>>()?;
+    let clean = runs.iter().all(|run| run.failures.is_empty() && run.broken_recordings.is_empty());
+    terminal::say(&table::render(&runs, arguments.format, width()))?;
+    if arguments.format == TableFormat::Text {
+        terminal::say(&format!("\nfolder {}\n", arguments.out.display()))?;
     }
     Ok(if clean { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }

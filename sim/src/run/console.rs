@@ -9,6 +9,8 @@ use tracing_subscriber::fmt::MakeWriter;
 #[derive(Clone, Debug)]
 pub struct Console {
     bar: ProgressBar,
+    /// The bar is of more than one run.
+    is_shared: bool,
 }
 
 impl Default for Console {
@@ -21,11 +23,21 @@ impl Console {
     /// A console without a bar yet.
     #[must_use]
     pub fn new() -> Self {
-        Self { bar: ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden()) }
+        Self { bar: ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden()), is_shared: false }
+    }
+
+    /// The same console for one run of several that share a bar, which tells what runs.
+    #[must_use]
+    pub fn shared(&self, what: String) -> Self {
+        self.bar.set_message(what);
+        Self { is_shared: true, ..self.clone() }
     }
 
     /// Shows a bar of so many episodes, some of them done.
     pub fn begin(&self, episodes: usize, done: usize) {
+        if self.is_shared {
+            return self.pass_over(done);
+        }
         if !io::stderr().is_terminal() {
             return;
         }
@@ -43,8 +55,17 @@ impl Console {
         self.bar.inc(1);
     }
 
+    /// So many that were driven before, by another command.
+    pub fn pass_over(&self, episodes: usize) {
+        self.bar.inc(episodes as u64);
+        self.bar.reset_eta();
+    }
+
     /// Takes the bar away.
     pub fn end(&self) {
+        if self.is_shared {
+            return;
+        }
         self.bar.finish_and_clear();
         self.bar.set_draw_target(ProgressDrawTarget::hidden());
     }

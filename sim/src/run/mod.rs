@@ -155,6 +155,7 @@ pub fn run(request: &Request, clock: WallClock, console: &Console, interrupts: &
     let progress = if finished && retry.is_empty() { None } else { Some(Progress::read(&folder, &file, retry)?) };
     let Some(progress) = progress.filter(|progress| !finished || !progress.pending.is_empty()) else {
         console.line(&format!("{} is finished already: nothing was driven", folder.path().display()));
+        console.pass_over(file.scenes.len());
         return Ok(Done { folder: folder.path().to_owned(), breakdown: Breakdown::default() });
     };
     if finished {

@@ -31,6 +31,7 @@ fn help_says_what_can_be_typed() {
 
     Commands:
       run     Drive scenes and write a run folder
+      matrix  Drive scenes with several drivers, and print one table
       table   Print the tables of finished runs
       verify  Hold the protocol `paper` to vectors of the authors' simulator
       help    Print this message or the help of the given subcommand(s)

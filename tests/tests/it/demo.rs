@@ -122,6 +122,33 @@ fn every_driver_drives_and_their_runs_stand_side_by_side() {
 }
 
 #[test]
+fn a_matrix_drives_each_driver_under_each_protocol_once() {
+    let stage = Stage::new();
+    let matrix = "matrix --scenarios small.toml --drivers idm,second:idm,human --protocols strict,paper --out m";
+    let first = stage.good_sim(matrix);
+    let protocols: Vec<&str> = first.out.lines().filter(|line| line.starts_with("protocol")).collect();
+    assert_eq!(protocols, ["protocol strict, 3 scenes", "protocol paper, motion first-pose, 3 scenes"], "{}", first.out);
+    assert_eq!(
+        names(&stage, "m"),
+        ["human-paper", "human-strict", "idm-paper", "idm-strict", "second-paper", "second-strict"]
+    );
+    // The second of the same driver is the first by another name.
+    let results = |run: &str| Table::read(&stage.path(run).join("results.parquet")).unwrap().numbers().unwrap();
+    assert_eq!(results("m/idm-strict"), results("m/second-strict"));
+    // What is there stays, and what is missing is driven.
+    fs::remove_dir_all(stage.path("m/second-strict")).unwrap();
+    let again = stage.good_sim(matrix);
+    assert_eq!(again.out, first.out);
+    assert_eq!(again.err.matches("is finished already").count(), 5, "{}", again.err);
+    let csv = stage.good_sim(&format!("{matrix} --format csv")).out;
+    assert_eq!(csv.lines().filter(|line| !line.is_empty()).count(), 8);
+    let twice = stage.sim("matrix --drivers idm,idm --out m");
+    assert!(twice.code == Some(2) && twice.err.contains("two drivers are called idm"), "{}", twice.err);
+    let alone = stage.sim("matrix --drivers sep --out m");
+    assert!(alone.code == Some(2) && alone.err.contains("sep: the driver sep needs weights"), "{}", alone.err);
+}
+
+#[test]
 fn a_folder_of_another_run_is_refused_and_every_difference_named() {
     let stage = Stage::new();
     stage.good_sim("run --driver idm --scenarios small.toml --record none --out run");

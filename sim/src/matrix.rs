@@ -1,0 +1,88 @@
+//! Several drivers over the same scenes: a run for each driver and protocol, one after the other.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use scenarios::SceneSet;
+use thiserror::Error;
+
+use crate::cli::{Entrant, MatrixArgs, RunArgs};
+use crate::request::{Request, RequestError};
+use crate::run::clock::WallClock;
+use crate::run::console::Console;
+use crate::run::interrupt::Interrupts;
+use crate::run::{self, RunError};
+
+/// A matrix that cannot be meant.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum MatrixError {
+    #[error("two drivers are called {0}\nhint: LABEL:DRIVER, as other-{0}:{0}, gives one another name")]
+    Twice(String),
+    #[error("{label}: {source}")]
+    Request { label: String, source: RequestError },
+}
+
+/// A run for each driver and protocol: protocol after protocol, the drivers in their order.
+///
+/// # Errors
+/// [`MatrixError`] before anything is driven.
+pub fn requests(arguments: &MatrixArgs, cores: u16) -> Result<Vec<Request>, MatrixError> {
+    let mut labels = BTreeSet::new();
+    if let Some(entrant) = arguments.drivers.iter().find(|entrant| !labels.insert(&entrant.label)) {
+        return Err(MatrixError::Twice(entrant.label.clone()));
+    }
+    let cells = arguments.protocols.iter().flat_map(|protocol| arguments.drivers.iter().map(move |it| (protocol, it)));
+    let request = |(protocol, entrant): (&_, &Entrant)| {
+        let label = entrant.label.clone();
+        let mut run = RunArgs {
+            paths: arguments.paths.clone(),
+            scenarios: arguments.scenarios.clone(),
+            driver: entrant.driver.clone(),
+            weights: entrant.weights.clone(),
+            label: (entrant.label != entrant.driver).then(|| label.clone()),
+            protocol: *protocol,
+            set: arguments.set.clone(),
+            retry: arguments.retry.clone(),
+            record: arguments.record,
+            parallel: arguments.parallel,
+            pin: arguments.pin,
+            deadline: arguments.deadline,
+            out: None,
+            predictor: None,
+            features: None,
+            planner_command: None,
+            planner: None,
+            motion: None,
+            start_timeout: None,
+            endpoint: None,
+            timing: false,
+        };
+        run.out = Some(arguments.out.join(format!("{label}-{}", protocol.name())));
+        Request::resolve(run, cores).map_err(|source| MatrixError::Request { label, source })
+    };
+    cells.map(request).collect()
+}
+
+/// Drives them all, or what is left of them; the folders, in their order.
+///
+/// # Errors
+/// [`RunError`] of the first that is not complete; what is done is kept.
+pub fn drive(
+    requests: &[Request],
+    clock: WallClock,
+    console: &Console,
+    interrupts: &Interrupts,
+) -> Result<Vec<PathBuf>, RunError> {
+    let Some(first) = requests.first() else { return Ok(Vec::new()) };
+    let scenes = SceneSet::open(&first.machine.scenarios)?.entries().len();
+    console.begin(scenes * requests.len(), 0);
+    let folders = requests.iter().map(|request| {
+        let (driver, protocol) = (&request.settings.driver, request.settings.protocol.name());
+        let shared = console.shared(format!("{driver}, {protocol}"));
+        Ok(run::run(request, clock, &shared, interrupts)?.folder)
+    });
+    let folders = folders.collect();
+    console.end();
+    folders
+}
