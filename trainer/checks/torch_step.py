@@ -3,8 +3,9 @@
     python torch_step.py verify  --vectors DIR [--all]
     python torch_step.py time    --vectors DIR
     python torch_step.py compare --vectors DIR --trainer BINARY
+    python torch_step.py follow  --vectors DIR --trainer BINARY [--weights FILE]
 
-DIR is `shared/dipp/training-vectors`. Needs torch (2.9 or later; written with 2.15.0) and numpy; no part of the tests. README.md beside this file says how to
+DIR is `shared/dipp/training-vectors`. Needs torch (2.9 or later; written with 2.15.0), numpy and safetensors; no part of the tests. README.md beside this file says how to
 read the figures.
 """
 
@@ -119,15 +120,45 @@ def compare(settings):
     return 0
 
 
+LOSS_LINE = re.compile(r"^\s*step\s+[0-9.eE+-]+\s*s, loss\s+([0-9.eE+-]+)", re.MULTILINE)
+
+
+def follow(settings):
+    """The same steps by both, of the vectors' windows with nothing dropped out: where the losses part, and how far apart they end."""
+    worst = 0.0
+    for planner in (False, True):
+        extra = (["--weights", settings.weights] if settings.weights else []) + ([] if planner else ["--no-planner"])
+        common = ["--vectors", settings.vectors, "--batch", "8"]
+        ours = [settings.trainer, "bench", *common, "--steps", str(settings.steps), "--set", "rules=authors", "--set", "dropout=0", *extra]
+        ours = [float(loss) for loss in LOSS_LINE.findall(subprocess.run(ours, check=True, stdout=subprocess.PIPE, text=True).stdout)]
+        theirs = [sys.executable, __file__, "step", *common, "--steps", str(settings.steps), "--warm-up", "0", "--dropout", "0", "--products", "mkl"]
+        theirs = subprocess.run([*theirs, "--coupled", *extra], check=True, stdout=subprocess.PIPE, text=True).stdout
+        theirs = json.loads(theirs.splitlines()[-1])["losses"]
+        print(f"{'with' if planner else 'without'} planner\n{'step':>6}  {'ours':>11}  {'torch':>11}  apart")
+        for step, (a, b) in enumerate(zip(ours, theirs, strict=True)):
+            if step < 10 or (step + 1) % 25 == 0:
+                print(f"{step:6}  {a:11.5f}  {b:11.5f}  {abs(a - b) / b:.1e}")
+        # With the planner single precision parts them from the first step on: it is f64 in ours.
+        worst = max([worst] + [abs(a - b) / b for a, b in zip(ours[:5], theirs[:5], strict=True)] if not planner else [worst])
+    print(f"without planner, worst of the first five steps {worst:.1e} (tolerance 1e-4)")
+    return 0 if worst < 1e-4 else 1
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     commands = parser.add_subparsers(dest="command", required=True)
-    for name, function in (("verify", verify), ("time", timed), ("compare", compare), ("step", step)):
+    for name, function in (("verify", verify), ("time", timed), ("compare", compare), ("follow", follow), ("step", step)):
         command = commands.add_parser(name)
         command.set_defaults(function=function)
         command.add_argument("--vectors", required=True, help="folder with batch.npz and the stored losses and gradients")
         if name == "verify":
             command.add_argument("--all", action="store_true", help="print every gradient's deviation")
+            continue
+        if name in ("follow", "step"):
+            command.add_argument("--weights", help="first weights, a safetensors file (by the formula if left out)")
+        if name == "follow":
+            command.add_argument("--trainer", required=True, help="our binary")
+            command.add_argument("--steps", type=int, default=150)
             continue
         command.add_argument("--batch", type=int, default=32)
         command.add_argument("--steps", type=int, default=5)
@@ -137,6 +168,7 @@ def main():
         if name == "step":
             command.add_argument("--threads", type=int, default=1)
             command.add_argument("--no-planner", action="store_true")
+            command.add_argument("--coupled", action="store_true", help="the authors' bug of lengths chosen by the batch's first sample")
             command.add_argument("--products", default="fastest", choices=("fastest", "mkl"))
             continue
         products = ["fastest", "mkl"] if name == "time" else ["fastest"]

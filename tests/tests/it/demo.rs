@@ -127,7 +127,12 @@ fn a_matrix_drives_each_driver_under_each_protocol_once() {
     let matrix = "matrix --scenarios small.toml --drivers idm,second:idm,human --protocols strict,paper --out m";
     let first = stage.good_sim(matrix);
     let protocols: Vec<&str> = first.out.lines().filter(|line| line.starts_with("protocol")).collect();
-    assert_eq!(protocols, ["protocol strict, 3 scenes", "protocol paper, motion first-pose, 3 scenes"], "{}", first.out);
+    assert_eq!(
+        protocols,
+        ["protocol strict, 3 scenes", "protocol paper, motion first-pose, 3 scenes"],
+        "{}",
+        first.out
+    );
     assert_eq!(
         names(&stage, "m"),
         ["human-paper", "human-strict", "idm-paper", "idm-strict", "second-paper", "second-strict"]

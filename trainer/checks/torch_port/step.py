@@ -5,6 +5,7 @@ import resource
 import time
 
 import numpy as np
+import safetensors.torch
 import torch
 
 from . import batch, losses, network, parameters, speed
@@ -24,13 +25,18 @@ def run(settings):
     joined = batch.collate(repeated, torch.float32)
     joining = time.perf_counter() - started
     tensors = parameters.formula_parameters(torch.float32)
+    if settings.weights:
+        given = safetensors.torch.load_file(settings.weights)
+        with torch.no_grad():
+            for name, tensor in tensors.items():
+                tensor.copy_(given[name].reshape(tensor.shape))
     learned = list(tensors.values())
     optimiser = torch.optim.Adam(learned, lr=2e-4, fused=True)
     wall, cpu, values = [], [], []
     for step in range(settings.warm_up + settings.steps):
         started, burnt = time.perf_counter(), time.process_time()
         optimiser.zero_grad(set_to_none=True)
-        result = losses.step_losses(network.forward(tensors, joined, settings.dropout), joined, not settings.no_planner)
+        result = losses.step_losses(network.forward(tensors, joined, settings.dropout), joined, not settings.no_planner, settings.coupled)
         result.total.backward()
         torch.nn.utils.clip_grad_norm_(learned, 5.0)
         optimiser.step()

@@ -1,18 +1,20 @@
 //! `trainer bench`.
 
+use std::fs;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
+use anyhow::Context;
 use clap::Args;
 use network::weights::{Variant, Weights};
 use vectors::Npz;
 
+use super::Chosen;
 use crate::learner::Reckoner;
 use crate::optimiser::{self, Adam};
 use crate::parameters::{Parameters, tensors};
 use crate::schedule::Schedule;
-use crate::settings::Settings;
 use crate::step::{Ask, Learner};
 use crate::verify::windows;
 use crate::windows::Window;
@@ -36,6 +38,13 @@ pub struct Bench {
     #[arg(long)]
     no_planner: bool,
 
+    /// Weights to begin with, of the network that predicts and plans [default: made by a formula]
+    #[arg(long, value_name = "FILE")]
+    weights: Option<PathBuf>,
+
+    #[command(flatten)]
+    chosen: Chosen,
+
     /// Threads [default: one a core]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
@@ -49,9 +58,20 @@ impl Bench {
     pub fn run(self) -> anyhow::Result<ExitCode> {
         let few = windows(&Npz::read(&self.vectors.join("batch.npz"))?)?;
         let batch: Vec<Window> = few.iter().cycle().take(self.batch).cloned().collect();
-        let settings = Settings::default();
+        let settings = self.chosen.settings()?;
+        let weights = match &self.weights {
+            None => Weights::formula(settings.variant()),
+            Some(path) => {
+                let read = fs::read(path).with_context(|| path.display().to_string())?;
+                Weights::read(&read).with_context(|| path.display().to_string())?
+            }
+        };
+        anyhow::ensure!(
+            weights.variant() == Variant::Joint,
+            "steps are timed of the mode dipp, whose network has all heads"
+        );
         let mut learner = Reckoner::new(&settings)?;
-        let mut parameters = Parameters::of(&Weights::formula(Variant::Joint));
+        let mut parameters = Parameters::of(&weights);
         let mut adam = Adam::new(Variant::Joint);
         let places: Vec<_> = tensors(Variant::Joint).map(|(_, _, place)| place).collect();
         let schedule = Schedule::of(&settings, 0);
@@ -62,7 +82,7 @@ impl Bench {
                 windows: &batch,
                 parameters: &parameters,
                 planning: !self.no_planner,
-                dropout: Some(step),
+                dropout: (settings.dropout > 0.0).then_some(step),
                 wants_gradient: true,
                 wants_looks: false,
             };
@@ -72,7 +92,8 @@ impl Bench {
                 adam.step(&mut parameters, &answer.gradient, &answer.has_gradient, &schedule, &settings.adam);
             });
             learner.take_back(answer.gradient);
-            terminal::say(&format!("step {:.4} s\n", begun.elapsed().as_secs_f64()))?;
+            let (seconds, loss) = (begun.elapsed().as_secs_f64(), answer.terms.total);
+            terminal::say(&format!("step {seconds:.4} s, loss {loss:.6}\n"))?;
         }
         if let Some(peak) = peak_memory() {
             terminal::say(&format!("peak memory {peak:.0} MB\n"))?;
