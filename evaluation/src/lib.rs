@@ -5,7 +5,9 @@
 //! | [`table`] | finished runs, a line each |
 //! | [`scenes`] | a run scene by scene, the worst first |
 //! | [`open_loop`] | the paper's open-loop metrics: a plan held to the log, frame by frame |
+//! | [`replay`] | an episode driven again by the plans of its recording |
 
 pub mod open_loop;
+pub mod replay;
 pub mod scenes;
 pub mod table;

@@ -33,6 +33,11 @@ pub enum Command {
     Matrix(MatrixArgs),
     /// Print the tables of finished runs
     Table(TableArgs),
+    /// Drive the episodes of a run again by their recorded plans, and say whether all is the same
+    ///
+    /// Each recorded episode is driven in process by the plans of its recording. Scene, observations, steps, events and end must be the same to the
+    /// byte, and the figures those of results.parquet. Names the first step and field that differ; exits with 1 where one does.
+    Replay(ReplayArgs),
     /// Hold the protocol `paper` to vectors of the authors' simulator
     ///
     /// Drives the episodes that the folder holds and prints the worst deviation of each quantity beside its tolerance. Exits with
@@ -222,6 +227,20 @@ pub struct TableArgs {
     /// Only so many of the scenes
     #[arg(long, value_name = "N", requires = "scenes")]
     pub worst: Option<usize>,
+}
+
+/// `sim replay`.
+#[derive(Debug, Args)]
+pub struct ReplayArgs {
+    /// Folders of finished runs
+    #[arg(required = true, value_name = "DIR")]
+    pub runs: Vec<PathBuf>,
+    /// Where the scenes are [default: where the run has them from]
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    pub scenarios: Vec<String>,
+    /// These episodes alone
+    #[arg(long, value_name = "ID", value_delimiter = ',')]
+    pub episodes: Vec<String>,
 }
 
 /// `sim verify`.

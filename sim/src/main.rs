@@ -11,8 +11,9 @@ use std::thread;
 use evaluation::scenes::{self, Scenes};
 use evaluation::table::{self, TableFormat};
 use results::summary::{Summary, SummaryError};
-use sim::cli::{Cli, Command, MatrixArgs, RunArgs, TableArgs, VerifyArgs};
+use sim::cli::{Cli, Command, MatrixArgs, ReplayArgs, RunArgs, TableArgs, VerifyArgs};
 use sim::matrix;
+use sim::replay;
 use sim::request::Request;
 use sim::run::clock::{Clock, WallClock};
 use sim::run::console::Console;
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
         Command::Run(arguments) => drive(*arguments, clock, &console),
         Command::Matrix(arguments) => drive_matrix(&arguments, clock, &console),
         Command::Table(arguments) => print_tables(&arguments, &console),
+        Command::Replay(arguments) => replay_runs(&arguments),
         Command::Verify(arguments) => print_verdict(&arguments),
     };
     match done {
@@ -126,6 +128,16 @@ fn width() -> usize {
     let terminal = terminal_size::terminal_size_of(io::stdout()).map(|(width, _)| usize::from(width.0));
     let said = || std::env::var("COLUMNS").ok()?.parse().ok();
     terminal.or_else(said).unwrap_or(80)
+}
+
+fn replay_runs(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
+    let mut is_same = true;
+    for folder in &arguments.runs {
+        let replayed = replay::run(folder, arguments, cores())?;
+        terminal::say(&replayed.text)?;
+        is_same &= replayed.is_same;
+    }
+    Ok(if is_same { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 fn print_verdict(arguments: &VerifyArgs) -> anyhow::Result<ExitCode> {

@@ -33,6 +33,7 @@ fn help_says_what_can_be_typed() {
       run     Drive scenes and write a run folder
       matrix  Drive scenes with several drivers, and print one table
       table   Print the tables of finished runs
+      replay  Drive the episodes of a run again by their recorded plans, and say whether all is the same
       verify  Hold the protocol `paper` to vectors of the authors' simulator
       help    Print this message or the help of the given subcommand(s)
 

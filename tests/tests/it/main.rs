@@ -12,7 +12,7 @@
 //! | `recorder.rs` | a recorder that dies costs recordings and no result |
 //! | `interrupt.rs` | Ctrl-C leaves nothing running |
 //! | `future.rs` | no message holds a logged state later than its step |
-//! | `redrive.rs` | the plans of a recording give its drive again |
+//! | `replay.rs` | `sim replay` finds what was driven the same, and names what is not |
 //! | `pause.rs` | a run that stands still for a while comes out as if it had not |
 //! | `network.rs` | the repository's weights are whole, and drive; the authors' drive as in their simulator |
 //! | `paper.rs` | under `paper` the nodes get the authors' numbers |
@@ -35,6 +35,6 @@ mod planner_command;
 mod real_scenes;
 mod recorder;
 mod recording;
-mod redrive;
 mod repeat;
+mod replay;
 mod stage;

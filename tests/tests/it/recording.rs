@@ -3,8 +3,6 @@
 use std::fs;
 use std::path::Path;
 
-use prost::Message;
-
 /// A message of a recording.
 pub struct Recorded {
     /// The channel's topic.
@@ -22,11 +20,4 @@ pub fn messages(path: &Path) -> Vec<Recorded> {
         Recorded { topic: message.channel.topic.clone(), bytes: message.data.into_owned() }
     });
     messages.collect()
-}
-
-/// The messages of one of our own channels.
-pub fn of_channel<M: Message + Default>(messages: &[Recorded], channel: &str) -> Vec<M> {
-    let topic = format!("/reloop/{channel}");
-    let own = messages.iter().filter(|message| message.topic == topic);
-    own.map(|message| M::decode(&*message.bytes).unwrap()).collect()
 }

@@ -1,0 +1,132 @@
+//! An episode driven again by the plans of its recording: what was said then is said now, byte for byte, or the first difference is named.
+//!
+//! ```text
+//! recording ──▶ Recorded ─ plans ─▶ Episode ─▶ scene, observations, records, events, end ──┐
+//!                  └────────────── the same of then ───────────────────────────────────────┴─▶ Verdict
+//! ```
+//!
+//! | module | what |
+//! | --- | --- |
+//! | here | the drive |
+//! | `recorded` | what a recording says |
+//! | `difference` | where two messages part |
+
+mod difference;
+mod recorded;
+
+use std::sync::Arc;
+
+use episode::protocol::Protocol;
+use episode::{Episode, Undrivable};
+use thiserror::Error;
+use wire::proto::{self, EndReason, EpisodeEnd};
+use world::scene::Scene;
+
+pub use difference::Difference;
+pub use recorded::{Recorded, RecordedError};
+
+/// What came of it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// All that was said is said again; so many steps.
+    Same(u32),
+    /// It is not: the first difference.
+    Differs(Difference),
+}
+
+/// An episode that cannot be driven again.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum ReplayError {
+    #[error(transparent)]
+    Undrivable(#[from] Undrivable),
+    #[error("the plan of step {step} cannot be driven: {why}")]
+    Plan { step: u32, why: String },
+}
+
+/// Drives `scene` by the plans of `recorded`.
+///
+/// # Errors
+/// [`ReplayError`].
+pub fn replay(scene: Arc<Scene>, protocol: &Protocol, recorded: &Recorded) -> Result<Verdict, ReplayError> {
+    let episode = Episode::new(Arc::clone(&scene), protocol)?;
+    let mut drive = Drive { episode, recorded, step: 0 };
+    match drive.run() {
+        Ok(()) => Ok(Verdict::Same(drive.step)),
+        Err(Stop::Differs(difference)) => Ok(Verdict::Differs(difference)),
+        Err(Stop::Error(error)) => Err(error),
+    }
+}
+
+enum Stop {
+    Differs(Difference),
+    Error(ReplayError),
+}
+
+impl From<Difference> for Stop {
+    fn from(difference: Difference) -> Self {
+        Self::Differs(difference)
+    }
+}
+
+struct Drive<'r> {
+    episode: Episode,
+    recorded: &'r Recorded,
+    /// Steps that are driven.
+    step: u32,
+}
+
+impl Drive<'_> {
+    fn run(&mut self) -> Result<(), Stop> {
+        let recorded = self.recorded;
+        difference::at(None, "scene", Some(&recorded.scene), Some(&proto::Scene::from(&self.episode.briefing())))?;
+        let mut events = recorded.events.iter();
+        let failed = recorded.end.reason() == EndReason::DriverFailed;
+        loop {
+            let (step, index) = (Some(self.step), self.step as usize);
+            if failed && recorded.plans.get(index).is_none() {
+                // Then the driver had no plan either; the end says why.
+                self.episode.fail(recorded.end.detail.clone());
+                break;
+            }
+            let observation = proto::Observation::from(&self.episode.observe());
+            difference::at(step, "observation", recorded.observations.get(index), Some(&observation))?;
+            let plan = self.plan(index)?;
+            let advance = self.episode.advance(&plan);
+            difference::at(step, "record", recorded.records.get(index), Some(&advance.record))?;
+            for event in &advance.events {
+                difference::at(step, "event", events.next(), Some(event))?;
+            }
+            let ended = advance.ended.is_some();
+            self.step += 1;
+            if ended {
+                break;
+            }
+        }
+        let outcome = self.episode.finish();
+        if !failed {
+            difference::at(None, "event", events.next(), None)?;
+            difference::at(None, "record", recorded.records.get(self.step as usize), None)?;
+        }
+        // What counts messages is the bus's, and no matter of the drive.
+        let of_the_drive = |end: &EpisodeEnd| EpisodeEnd {
+            observations: 0,
+            plans: 0,
+            predictions: 0,
+            records: 0,
+            events: 0,
+            digest: Vec::new(),
+            ..end.clone()
+        };
+        Ok(difference::at(None, "end", Some(&of_the_drive(&recorded.end)), Some(&of_the_drive(&outcome.end)))?)
+    }
+
+    fn plan(&self, index: usize) -> Result<world::plan::Plan, Stop> {
+        let step = self.step;
+        let error = |why: String| Stop::Error(ReplayError::Plan { step, why });
+        let recorded = self.recorded.plans.get(index).ok_or_else(|| error("it is not recorded".to_owned()))?;
+        let unchecked =
+            world::plan::UncheckedPlan::try_from(recorded.clone()).map_err(|refused| error(refused.to_string()))?;
+        unchecked.check(step).map_err(|refused| error(refused.to_string()))
+    }
+}

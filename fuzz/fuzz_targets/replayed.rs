@@ -1,0 +1,17 @@
+#![no_main]
+
+use std::sync::{Arc, LazyLock};
+
+use episode::protocol::{Protocol, StrictSettings};
+use evaluation::replay::{Recorded, replay};
+use world::scene::Scene;
+
+static SCENE: LazyLock<Option<Arc<Scene>>> = LazyLock::new(|| {
+    let set = scenarios::SceneSet::open(&[]).ok()?;
+    Some(set.load(0).ok()?.0)
+});
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let (Ok(recorded), Some(scene)) = (Recorded::read(bytes), &*SCENE) else { return };
+    let _ = replay(Arc::clone(scene), &Protocol::Strict(StrictSettings::default()), &recorded);
+});

@@ -1,0 +1,172 @@
+//! `sim replay`: the recorded episodes of a run, driven again in process by their recorded plans.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+
+use evaluation::replay::{Recorded, Verdict, replay};
+use results::folder::{FolderError, read_run_file};
+use results::parquet::{ParquetError, Table};
+use results::settings::RunFile;
+use scenarios::{SceneSet, SetError};
+use thiserror::Error;
+
+use crate::cli::ReplayArgs;
+
+/// A run that cannot be replayed.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum ReplayRunError {
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    #[error(transparent)]
+    Results(#[from] ParquetError),
+    #[error("{0}\nhint: {hint}", hint = .0.hint())]
+    Scenes(#[from] SetError),
+    #[error("{} holds no run: there is no run.toml in it", .0.display())]
+    NoRun(PathBuf),
+    #[error("{} has no recording of any episode asked for\nhint: `sim run --record all` keeps them", .0.display())]
+    NothingRecorded(PathBuf),
+    #[error("{} has no episode {id}\nhint: `sim table --scenes` lists them", run.display())]
+    NoEpisode { run: PathBuf, id: String },
+}
+
+/// What came of a run.
+#[derive(Debug)]
+pub struct Replayed {
+    /// A line an episode that is not the same, then one on all.
+    pub text: String,
+    /// Whether all is the same.
+    pub is_same: bool,
+}
+
+/// How an episode came out.
+enum Outcome {
+    Same(u32),
+    Differs(String),
+    Unrecorded,
+}
+
+/// Replays the run in `folder` on all cores. The text is the same for any number of them.
+///
+/// # Errors
+/// [`ReplayRunError`] where it has nothing to replay.
+pub fn run(folder: &Path, arguments: &ReplayArgs, cores: u16) -> Result<Replayed, ReplayRunError> {
+    let file = read_run_file(folder)?.ok_or_else(|| ReplayRunError::NoRun(folder.to_owned()))?;
+    let from = if arguments.scenarios.is_empty() { &file.machine.scenarios } else { &arguments.scenarios };
+    let scenes = SceneSet::open(from)?;
+    let known = |id: &String| file.scenes.iter().any(|scene| scene.id == *id);
+    if let Some(id) = arguments.episodes.iter().find(|id| !known(id)) {
+        return Err(ReplayRunError::NoEpisode { run: folder.to_owned(), id: id.clone() });
+    }
+    let is_asked = |id: &String| arguments.episodes.is_empty() || arguments.episodes.contains(id);
+    let asked: Vec<usize> = (0..file.scenes.len()).filter(|index| is_asked(&file.scenes[*index].id)).collect();
+    let run = Run { folder, results: Results::read(folder)?, file, scenes };
+    let (next, outcomes) = (AtomicUsize::new(0), Mutex::new(BTreeMap::new()));
+    thread::scope(|scope| {
+        for _ in 0..cores.max(1) {
+            scope.spawn(|| {
+                while let Some(index) = asked.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let outcome = run.episode(*index);
+                    // Whoever panicked left a whole map.
+                    outcomes.lock().unwrap_or_else(PoisonError::into_inner).insert(*index, outcome);
+                }
+            });
+        }
+    });
+    let outcomes = outcomes.into_inner().unwrap_or_else(PoisonError::into_inner);
+    run.told(&outcomes)
+}
+
+/// A run, and where its scenes are.
+struct Run<'a> {
+    folder: &'a Path,
+    file: RunFile,
+    scenes: SceneSet,
+    results: Results,
+}
+
+impl Run<'_> {
+    fn episode(&self, index: usize) -> Outcome {
+        let line = &self.file.scenes[index];
+        let path = self.folder.join("episodes").join(format!("{}.mcap", line.id));
+        if !path.exists() {
+            return Outcome::Unrecorded;
+        }
+        self.compare(&path, &line.id, &line.sha256).map_or_else(Outcome::Differs, Outcome::Same)
+    }
+
+    fn compare(&self, path: &Path, id: &str, sha256: &str) -> Result<u32, String> {
+        let bytes = recording::load(path).map_err(|error| error.to_string())?;
+        let recorded = Recorded::read(&bytes).map_err(|error| format!("{}: {error}", path.display()))?;
+        let place = self.scenes.entries().iter().position(|entry| entry.id.as_str() == id);
+        let place = place.ok_or("its scene is not among those given")?;
+        if self.scenes.entries()[place].sha256 != sha256 {
+            return Err("its scene is another one than was driven: the SHA-256 differs".to_owned());
+        }
+        let (scene, _) = self.scenes.load(place).map_err(|error| error.to_string())?;
+        match replay(Arc::clone(&scene), &self.file.settings.protocol, &recorded).map_err(|error| error.to_string())? {
+            Verdict::Differs(difference) => Err(difference.to_string()),
+            Verdict::Same(steps) => self.results.hold(id, &recorded).map(|()| steps),
+        }
+    }
+
+    fn told(&self, outcomes: &BTreeMap<usize, Outcome>) -> Result<Replayed, ReplayRunError> {
+        let (mut text, mut same, mut steps, mut differ, mut unrecorded) = (String::new(), 0, 0_u64, 0, 0);
+        for (index, outcome) in outcomes {
+            match outcome {
+                Outcome::Unrecorded => unrecorded += 1,
+                Outcome::Same(driven) => {
+                    same += 1;
+                    steps += u64::from(*driven);
+                }
+                Outcome::Differs(why) => {
+                    differ += 1;
+                    // A String takes whatever is written.
+                    let _ = writeln!(text, "{}: {why}", self.file.scenes[*index].id);
+                }
+            }
+        }
+        if same + differ == 0 {
+            return Err(ReplayRunError::NothingRecorded(self.folder.to_owned()));
+        }
+        let without = if unrecorded > 0 { format!(", {unrecorded} without a recording") } else { String::new() };
+        let folder = self.folder.display();
+        let _ = writeln!(
+            text,
+            "{folder}: {same} episodes of {steps} steps are the same to the byte, {differ} differ{without}"
+        );
+        Ok(Replayed { text, is_same: differ == 0 })
+    }
+}
+
+/// The figures of `results.parquet`, by scene.
+struct Results {
+    rows: BTreeMap<String, usize>,
+    numbers: BTreeMap<String, Vec<Option<f64>>>,
+}
+
+impl Results {
+    fn read(folder: &Path) -> Result<Self, ParquetError> {
+        let table = Table::read(&folder.join("results.parquet"))?;
+        let rows = table.text("scene")?.into_iter().enumerate().map(|(row, scene)| (scene, row)).collect();
+        Ok(Self { rows, numbers: table.numbers()? })
+    }
+
+    /// Whether they are those of the episode that is recorded.
+    fn hold(&self, scene: &str, recorded: &Recorded) -> Result<(), String> {
+        let row = self.rows.get(scene).ok_or("results.parquet has no row of it")?;
+        for (name, value) in recorded.metrics() {
+            let stored = self.numbers.get(name).and_then(|column| column.get(*row)).copied().flatten();
+            if self.numbers.contains_key(name) && stored.map(f64::to_bits) != value.map(f64::to_bits) {
+                let said = |value: Option<f64>| value.map_or_else(|| "null".to_owned(), |value| value.to_string());
+                return Err(format!("{name}: {} in results.parquet, {} now", said(stored), said(value)));
+            }
+        }
+        Ok(())
+    }
+}
