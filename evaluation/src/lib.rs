@@ -5,9 +5,11 @@
 //! | [`table`] | finished runs, a line each |
 //! | [`scenes`] | a run scene by scene, the worst first |
 //! | [`open_loop`] | the paper's open-loop metrics: a plan held to the log, frame by frame |
+//! | [`predictions`] | predictions made in a drive against what the agents then did |
 //! | [`replay`] | an episode driven again by the plans of its recording |
 
 pub mod open_loop;
+pub mod predictions;
 pub mod replay;
 pub mod scenes;
 pub mod table;

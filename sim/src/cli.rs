@@ -33,7 +33,9 @@ pub enum Command {
     Matrix(MatrixArgs),
     /// Print the tables of finished runs
     Table(TableArgs),
-    /// Drive the episodes of a run again by their recorded plans, and say whether all is the same
+    /// Score the predictions of recorded drives against what the agents then did
+    Predictions(PredictionsArgs),
+    /// Drive recorded episodes again by their plans, and say whether all is the same
     ///
     /// Each recorded episode is driven in process by the plans of its recording. Scene, observations, steps, events and end must be the same to the
     /// byte, and the figures those of results.parquet. Names the first step and field that differ; exits with 1 where one does.
@@ -227,6 +229,17 @@ pub struct TableArgs {
     /// Only so many of the scenes
     #[arg(long, value_name = "N", requires = "scenes")]
     pub worst: Option<usize>,
+}
+
+/// `sim predictions`.
+#[derive(Debug, Args)]
+pub struct PredictionsArgs {
+    /// Folders of finished runs
+    #[arg(required = true, value_name = "DIR")]
+    pub runs: Vec<PathBuf>,
+    /// How to print
+    #[arg(long, value_enum, default_value_t)]
+    pub format: TableFormat,
 }
 
 /// `sim replay`.

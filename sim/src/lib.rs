@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | [`cli`], [`request`] | what can be typed, and what it means |
 //! | [`matrix`] | several drivers over the same scenes |
+//! | [`predictions`] | the predictions of recorded episodes, scored |
 //! | [`replay`] | recorded episodes driven again |
 //! | [`run`] | many episodes: workers, nodes, the bus, interrupts |
 //! | [`verify`](mod@verify) | the protocol `paper` beside the authors' own numbers |
@@ -12,6 +13,7 @@
 
 pub mod cli;
 pub mod matrix;
+pub mod predictions;
 pub mod replay;
 pub mod request;
 pub mod run;

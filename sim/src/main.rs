@@ -11,8 +11,9 @@ use std::thread;
 use evaluation::scenes::{self, Scenes};
 use evaluation::table::{self, TableFormat};
 use results::summary::{Summary, SummaryError};
-use sim::cli::{Cli, Command, MatrixArgs, ReplayArgs, RunArgs, TableArgs, VerifyArgs};
+use sim::cli::{Cli, Command, MatrixArgs, PredictionsArgs, ReplayArgs, RunArgs, TableArgs, VerifyArgs};
 use sim::matrix;
+use sim::predictions;
 use sim::replay;
 use sim::request::Request;
 use sim::run::clock::{Clock, WallClock};
@@ -31,6 +32,7 @@ fn main() -> ExitCode {
         Command::Run(arguments) => drive(*arguments, clock, &console),
         Command::Matrix(arguments) => drive_matrix(&arguments, clock, &console),
         Command::Table(arguments) => print_tables(&arguments, &console),
+        Command::Predictions(arguments) => print_predictions(&arguments, &console),
         Command::Replay(arguments) => replay_runs(&arguments),
         Command::Verify(arguments) => print_verdict(&arguments),
     };
@@ -128,6 +130,20 @@ fn width() -> usize {
     let terminal = terminal_size::terminal_size_of(io::stdout()).map(|(width, _)| usize::from(width.0));
     let said = || std::env::var("COLUMNS").ok()?.parse().ok();
     terminal.or_else(said).unwrap_or(80)
+}
+
+/// Prints what predictions were worth, over all recordings of each run.
+fn print_predictions(arguments: &PredictionsArgs, console: &Console) -> anyhow::Result<ExitCode> {
+    let mut runs = Vec::new();
+    for folder in &arguments.runs {
+        let run = predictions::of_run(folder, cores())?;
+        if run.unrecorded > 0 {
+            console.line(&format!("note: {} has no recording of {} episodes", folder.display(), run.unrecorded));
+        }
+        runs.push((folder.display().to_string(), run.figures));
+    }
+    terminal::say(&evaluation::predictions::render(&runs, arguments.format))?;
+    Ok(ExitCode::SUCCESS)
 }
 
 fn replay_runs(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {

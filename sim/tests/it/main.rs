@@ -30,12 +30,13 @@ fn help_says_what_can_be_typed() {
     Usage: sim [OPTIONS] <COMMAND>
 
     Commands:
-      run     Drive scenes and write a run folder
-      matrix  Drive scenes with several drivers, and print one table
-      table   Print the tables of finished runs
-      replay  Drive the episodes of a run again by their recorded plans, and say whether all is the same
-      verify  Hold the protocol `paper` to vectors of the authors' simulator
-      help    Print this message or the help of the given subcommand(s)
+      run          Drive scenes and write a run folder
+      matrix       Drive scenes with several drivers, and print one table
+      table        Print the tables of finished runs
+      predictions  Score the predictions of recorded drives against what the agents then did
+      replay       Drive recorded episodes again by their plans, and say whether all is the same
+      verify       Hold the protocol `paper` to vectors of the authors' simulator
+      help         Print this message or the help of the given subcommand(s)
 
     Options:
       -v, --verbose...  Say more on standard error; twice for everything

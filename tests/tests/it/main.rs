@@ -12,6 +12,7 @@
 //! | `recorder.rs` | a recorder that dies costs recordings and no result |
 //! | `interrupt.rs` | Ctrl-C leaves nothing running |
 //! | `future.rs` | no message holds a logged state later than its step |
+//! | `predictions.rs` | predictions are scored against what then happened |
 //! | `replay.rs` | `sim replay` finds what was driven the same, and names what is not |
 //! | `pause.rs` | a run that stands still for a while comes out as if it had not |
 //! | `network.rs` | the repository's weights are whole, and drive; the authors' drive as in their simulator |
@@ -32,6 +33,7 @@ mod nodes;
 mod paper;
 mod pause;
 mod planner_command;
+mod predictions;
 mod real_scenes;
 mod recorder;
 mod recording;

@@ -1,0 +1,83 @@
+//! `sim predictions`: all recordings of a run.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+
+use evaluation::predictions::{Figures, PredictionsError};
+use recording::LoadError;
+use results::folder::{FolderError, read_run_file};
+use thiserror::Error;
+
+/// A run whose predictions cannot be scored.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum RunPredictionsError {
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    #[error("{} holds no run: there is no run.toml in it", .0.display())]
+    NoRun(PathBuf),
+    #[error("{} has no recording\nhint: `sim run --record all` keeps them", .0.display())]
+    NothingRecorded(PathBuf),
+    #[error("nobody predicts in {}: its driver has no predictor", .0.display())]
+    NoPredictor(PathBuf),
+    #[error(transparent)]
+    Load(#[from] LoadError),
+    #[error("{}: {source}", path.display())]
+    Recording { path: PathBuf, source: PredictionsError },
+}
+
+/// What came of a run.
+#[derive(Debug)]
+pub struct Scored {
+    /// Over all recordings.
+    pub figures: Figures,
+    /// Episodes without one.
+    pub unrecorded: usize,
+}
+
+/// Scores the recordings of the run in `folder`.
+///
+/// # Errors
+/// [`RunPredictionsError`], of the first recording that cannot be used.
+pub fn of_run(folder: &Path, cores: u16) -> Result<Scored, RunPredictionsError> {
+    let file = read_run_file(folder)?.ok_or_else(|| RunPredictionsError::NoRun(folder.to_owned()))?;
+    if file.settings.predictor.is_none() {
+        return Err(RunPredictionsError::NoPredictor(folder.to_owned()));
+    }
+    let path = |id: &str| folder.join("episodes").join(format!("{id}.mcap"));
+    let paths: Vec<PathBuf> = file.scenes.iter().map(|scene| path(&scene.id)).filter(|path| path.exists()).collect();
+    if paths.is_empty() {
+        return Err(RunPredictionsError::NothingRecorded(folder.to_owned()));
+    }
+    let next = AtomicUsize::new(0);
+    let scored: Vec<Mutex<Option<Result<Figures, RunPredictionsError>>>> =
+        paths.iter().map(|_| Mutex::default()).collect();
+    thread::scope(|scope| {
+        for _ in 0..cores.max(1) {
+            scope.spawn(|| {
+                while let Some((path, slot)) = at(&paths, &scored, next.fetch_add(1, Ordering::Relaxed)) {
+                    *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(of_recording(path));
+                }
+            });
+        }
+    });
+    // In the order of the scenes: sums are the same for any number of cores.
+    let mut figures = Figures::default();
+    for slot in scored {
+        if let Some(scored) = slot.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            figures.merge(&scored?);
+        }
+    }
+    Ok(Scored { figures, unrecorded: file.scenes.len() - paths.len() })
+}
+
+fn at<'a, T>(paths: &'a [PathBuf], slots: &'a [T], index: usize) -> Option<(&'a PathBuf, &'a T)> {
+    Some((paths.get(index)?, slots.get(index)?))
+}
+
+fn of_recording(path: &Path) -> Result<Figures, RunPredictionsError> {
+    let bytes = recording::load(path)?;
+    Figures::of_recording(&bytes).map_err(|source| RunPredictionsError::Recording { path: path.to_owned(), source })
+}
