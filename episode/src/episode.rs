@@ -5,7 +5,7 @@ use std::sync::Arc;
 use wire::proto::{self, EndReason};
 use world::geometry::{Pose, angle_difference};
 use world::observation::{Briefing, HistoryStep, Observation, ObservedAgent};
-use world::plan::{Control, Plan, STEP_SECONDS};
+use world::plan::{Control, PLAN_STEPS, Plan, PlanState, STEP_SECONDS};
 use world::reference_line::ReferenceWindow;
 use world::route::{Route, RouteError};
 use world::scene::bridged::Bridged;
@@ -18,7 +18,7 @@ use crate::advance::{Advance, Undrivable, named};
 use crate::detail::detail;
 use crate::metrics;
 use crate::paper::{self, Paper};
-use crate::protocol::Protocol;
+use crate::protocol::{Protocol, StrictSettings};
 use crate::strict::Strict;
 
 /// A finished episode.
@@ -41,6 +41,8 @@ pub struct Episode {
     protocol: Protocol,
     /// Log index of step 0.
     start: u32,
+    /// Log index of the first step of the history.
+    known_from: usize,
     /// Steps that the protocol drives at most.
     most_steps: u32,
     /// As many, or fewer where the log ends before.
@@ -105,6 +107,14 @@ impl Rules {
         }
     }
 
+    /// Puts the AV on a state a step later.
+    fn put(&mut self, state: &PlanState) {
+        match self {
+            Self::Strict(rules) => rules.put(state),
+            Self::Paper(rules) => rules.put(state),
+        }
+    }
+
     /// Judges the AV where it is now, and says whether that ends the episode.
     fn judge(&mut self, scene: &Scene, log_index: usize, advance: &mut Advance) -> Option<EndReason> {
         match self {
@@ -120,11 +130,32 @@ impl Episode {
     /// # Errors
     /// [`Undrivable`] says why there is nothing to drive.
     pub fn new(scene: Arc<Scene>, protocol: &Protocol) -> Result<Self, Undrivable> {
-        protocol.check()?;
-        let (first, most_steps) = match protocol {
-            Protocol::Strict(settings) => (settings.start, settings.horizon),
-            Protocol::Paper => (paper::START, paper::MOST_STEPS),
+        match protocol {
+            Protocol::Strict(settings) => Self::begin(scene, protocol, settings.start, settings.horizon),
+            Protocol::Paper => Self::begin(scene, protocol, paper::START, paper::MOST_STEPS),
+        }
+    }
+
+    /// The episode of a single plan, made at `log_index` of the log: the AV is where it was logged, as at the start of any other
+    /// episode, and as much of the time before is told as before one that starts as usual.
+    ///
+    /// # Errors
+    /// As [`Episode::new`].
+    pub fn of_frame(scene: Arc<Scene>, protocol: &Protocol, log_index: u32) -> Result<Self, Undrivable> {
+        let steps = PLAN_STEPS as u32;
+        let protocol = match protocol {
+            Protocol::Strict(settings) => {
+                Protocol::Strict(StrictSettings { start: log_index, horizon: steps, ..settings.clone() })
+            }
+            Protocol::Paper => Protocol::Paper,
         };
+        let mut episode = Self::begin(scene, &protocol, log_index, steps)?;
+        episode.known_from = (log_index as usize).saturating_sub(paper::START as usize);
+        Ok(episode)
+    }
+
+    fn begin(scene: Arc<Scene>, protocol: &Protocol, first: u32, most_steps: u32) -> Result<Self, Undrivable> {
+        protocol.check()?;
         let start = first as usize;
         let end = scene.steps().min(start.saturating_add(most_steps as usize).saturating_add(1));
         if end < start + 2 {
@@ -140,7 +171,7 @@ impl Episode {
             }
             Protocol::Paper => {
                 let state = scene.av().states[start].ok_or(missing)?;
-                (Rules::Paper(Box::new(Paper::new(&scene, state)?)), None)
+                (Rules::Paper(Box::new(Paper::new(&scene, state, start)?)), None)
             }
         };
         let horizon = (end - 1 - start) as u32;
@@ -152,6 +183,7 @@ impl Episode {
             detail: String::new(),
             step: 0,
             start: first,
+            known_from: 0,
             most_steps,
             horizon,
             rules,
@@ -179,7 +211,7 @@ impl Episode {
     /// What a driver is told before the first step.
     #[must_use]
     pub fn briefing(&self) -> Briefing {
-        let history = (0..self.start as usize).filter_map(|log_index| {
+        let history = (self.known_from..self.start as usize).filter_map(|log_index| {
             let av = self.scene.av().states[log_index]?;
             Some(HistoryStep { log_index: log_index as u32, av, agents: self.agents_at(log_index) })
         });
@@ -189,7 +221,7 @@ impl Episode {
             start: self.start,
             horizon: self.horizon,
             wheelbase: self.rules.wheelbase(),
-            map: Arc::clone(self.bridged.as_ref().map_or(&self.scene, |bridged| bridged.judged()).map()),
+            map: Arc::clone(self.judged_scene().map()),
             route: self.rules.route().lanes.clone(),
             reference_line: Arc::clone(&self.rules.route().line),
             history: history.collect(),
@@ -227,9 +259,26 @@ impl Episode {
         if self.advance.ended.is_some() {
             return &self.advance;
         }
-        let log_index = self.log_index() + 1;
         let heading = self.rules.av().heading;
         self.rules.drive(plan);
+        self.settle(heading)
+    }
+
+    /// Plays a plan out as if the AV could do what it says: the AV is put on each of its states in turn and judged there. Nothing ends
+    /// that but the log.
+    pub fn play_out(&mut self, states: &[PlanState]) -> Outcome {
+        let left = self.scene.steps().saturating_sub(self.log_index() + 1);
+        for state in states.iter().take(left) {
+            let heading = self.rules.av().heading;
+            self.rules.put(state);
+            self.settle(heading);
+        }
+        self.finish()
+    }
+
+    /// Judges the AV, which headed to `heading` a step before.
+    fn settle(&mut self, heading: f64) -> &Advance {
+        let log_index = self.log_index() + 1;
         let av = self.rules.av();
         let human = self.scene.av().states[log_index];
         self.advance.events.clear();
@@ -265,6 +314,12 @@ impl Episode {
         } else {
             None
         }
+    }
+
+    /// The scene as its judges take it: under `strict` with its gaps filled in.
+    #[must_use]
+    pub fn judged_scene(&self) -> &Arc<Scene> {
+        self.bridged.as_ref().map_or(&self.scene, |bridged| bridged.judged())
     }
 
     /// What the authors' simulator sees now; none under another protocol.

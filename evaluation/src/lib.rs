@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | [`table`] | finished runs, a line each |
 //! | [`scenes`] | a run scene by scene, the worst first |
-//! | [`open_loop`] | the paper's open-loop metrics: a plan held to the log, frame by frame |
+//! | [`open_loop`] | plans held to the log, frame by frame, and never driven: by the paper's definitions and by mended ones |
 //! | [`predictions`] | predictions made in a drive against what the agents then did |
 //! | [`replay`] | an episode driven again by the plans of its recording |
 

@@ -4,21 +4,19 @@
 
 use std::sync::Arc;
 
+use episode::Episode;
 use episode::metrics::paper::Comfort;
-use evaluation::open_loop::{LoggedNeighbor, OFF_ROUTE, OpenLoop, OpenLoopFrame};
+use evaluation::open_loop::authors::OFF_ROUTE;
+use evaluation::open_loop::{Definitions, Moment, frames};
 use predictor_node::Ctrv;
 use scenarios::SceneSet;
 use vectors::{Npz, Quantity, Report, absolute, worst_deviation};
 use wire::node::{History, PredictorFactory, StepInput};
 use world::authors_frame;
 use world::geometry::{Point, Pose};
-use world::map_matching::LanePoints;
-use world::observation::{Briefing, HistoryStep, Observation, ObservedAgent};
-use world::plan::{Control, PLAN_STEPS, STEP_SECONDS};
-use world::route::{Route, RouteStyle};
-use world::scene::bridged::SeenSignal;
-use world::scene::{Scene, TrackId};
-use world::vehicle::{BicycleModel, VehicleState, WHEELBASE};
+use world::plan::{Control, PLAN_STEPS, Plan, PlanState, Prediction, STEP_SECONDS, UncheckedPlan};
+use world::scene::Scene;
+use world::vehicle::{BicycleModel, VehicleState};
 
 const NEIGHBORS: usize = 10;
 
@@ -44,134 +42,52 @@ fn every_frame_is_measured_as_the_authors_functions_do() {
     let mut report = Report::new(&["off by"], &QUANTITIES);
     for scene in scenes {
         let npz = Npz::read(&file(scene.id().as_str())).unwrap();
-        let frames = npz.array("frame", &[None]).unwrap();
-        let expected: Vec<f64> = (20..scene.steps() - 50).step_by(10).map(|frame| frame as f64).collect();
-        assert_eq!(frames, expected);
-        let road = Road::of(&scene);
-        for (row, frame) in frames.iter().enumerate() {
+        let wanted = npz.array("frame", &[None]).unwrap();
+        assert_eq!(wanted, frames(scene.steps()).map(f64::from).collect::<Vec<_>>());
+        for (row, frame) in frames(scene.steps()).enumerate() {
             report.count_case();
-            compare(&road, *frame as usize, &npz, row, &mut report);
+            compare(&scene, frame, &npz, row, &mut report);
         }
     }
     println!("{report}");
     assert!(report.holds(), "{report}");
 }
 
-/// What is made of a scene once.
-struct Road<'a> {
-    scene: &'a Arc<Scene>,
-    route: Route,
-    lanes: LanePoints,
-}
-
-impl<'a> Road<'a> {
-    fn of(scene: &'a Arc<Scene>) -> Self {
-        let route = Route::of_log(scene, RouteStyle::Paper).unwrap();
-        Self { scene, route, lanes: LanePoints::new(scene.map(), |_| true) }
-    }
-
-    fn agents(&self, log_index: usize) -> Vec<ObservedAgent> {
-        let others = self.scene.tracks().iter().enumerate().filter(|(track, _)| *track != self.scene.av_index());
-        let seen = others.filter_map(|(_, track)| {
-            Some(ObservedAgent { track: track.id, kind: track.kind, unseen: 0, state: track.states[log_index]? })
-        });
-        seen.collect()
-    }
-
-    /// What a driver would see at a frame of the log.
-    fn observation(&self, frame: usize) -> (Briefing, Observation) {
-        let scene = self.scene;
-        let av = scene.av().states[frame].unwrap();
-        let before = frame - 1;
-        let history = HistoryStep {
-            log_index: before as u32,
-            av: scene.av().states[before].unwrap(),
-            agents: self.agents(before),
-        };
-        let briefing = Briefing {
-            scene: scene.id().clone(),
-            protocol: "paper".to_owned(),
-            start: frame as u32,
-            horizon: PLAN_STEPS as u32,
-            wheelbase: WHEELBASE,
-            map: Arc::clone(scene.map()),
-            route: vec![],
-            reference_line: Arc::clone(&self.route.line),
-            history: vec![history],
-        };
-        let (nearest, _) = self.route.nearest_sample(av.position());
-        let mut window = self.route.window(nearest, scene.signals(frame));
-        let lane = self.lanes.authors_match(av.pose()).unwrap().lane;
-        window.speed_limit = Some(scene.map().lanes[lane].speed_limit().unwrap_or(0.0));
-        let signals = scene.signals(frame).iter().map(|&signal| SeenSignal { signal, unseen: 0 }).collect();
-        let control = Control::default();
-        let agents = self.agents(frame);
-        (briefing, Observation { step: 0, log_index: frame as u32, av, control, agents, signals, window })
-    }
-}
-
-/// What is known of a neighbor.
-struct Neighbor {
-    /// Place in the scene.
-    track: usize,
-    agent: ObservedAgent,
-    logged: [Option<Pose>; PLAN_STEPS],
-    predicted: [Point; PLAN_STEPS],
-}
-
-fn compare(road: &Road<'_>, frame: usize, npz: &Npz, row: usize, report: &mut Report) {
-    let place = format!("{} at {frame}", road.scene.id());
-    let (briefing, observation) = road.observation(frame);
-    let av = observation.av.pose();
-    let neighbors = neighbors(road, frame, &briefing, &observation);
+fn compare(scene: &Arc<Scene>, frame: u32, npz: &Npz, row: usize, report: &mut Report) {
+    let place = format!("{} at {frame}", scene.id());
+    let moment = Moment::new(scene, Definitions::Authors, frame).unwrap();
+    let av = moment.observation().av.pose();
+    let episode = Episode::of_frame(Arc::clone(scene), &Definitions::Authors.protocol(), frame).unwrap();
+    let neighbors = &episode.paper_sight().unwrap().neighbors;
 
     let tracks = group::<NEIGHBORS>(npz, "neighbor_tracks", row);
-    let ours: [f64; NEIGHBORS] = std::array::from_fn(|i| neighbors.get(i).map_or(-1.0, |n| n.track as f64));
+    let ours: [f64; NEIGHBORS] = std::array::from_fn(|i| neighbors.get(i).map_or(-1.0, |track| *track as f64));
     report.add(0, TRACKS, f64::from(u8::from(ours != tracks)), &place);
     let missing = group::<NEIGHBORS>(npz, "gt_missing_steps", row);
-    let ours = neighbors.iter().map(|n| n.logged.iter().filter(|pose| pose.is_none()).count() as f64);
+    let future = frame as usize + 1..frame as usize + 1 + PLAN_STEPS;
+    let states = |track: &usize| &scene.tracks()[*track].states;
+    let ours =
+        neighbors.iter().map(|n| states(n)[future.clone()].iter().filter(|state| state.is_none()).count() as f64);
     report.add(0, MISSING, worst_deviation(ours, &missing[..neighbors.len()], absolute), &place);
-    let states = npz.rows::<8>("current_state", &[None, Some(NEIGHBORS + 1), Some(8)]).unwrap();
-    let states = &states[row * (NEIGHBORS + 1)..];
-    for (neighbor, state) in neighbors.iter().zip(&states[1..]) {
-        let logged = &neighbor.agent.state;
-        let (pose, velocity) = (authors_frame::pose(logged, av), authors_frame::velocity(logged, av));
+    let wanted = npz.rows::<8>("current_state", &[None, Some(NEIGHBORS + 1), Some(8)]).unwrap();
+    let wanted = &wanted[row * (NEIGHBORS + 1)..];
+    for (neighbor, wanted) in neighbors.iter().zip(&wanted[1..]) {
+        let logged = states(neighbor)[frame as usize].unwrap();
+        let (pose, velocity) = (authors_frame::pose(&logged, av), authors_frame::velocity(&logged, av));
         let own = [pose.x, pose.y, pose.heading, velocity.x, velocity.y];
-        report.add(0, STATES, worst_deviation(own, &state[..5], absolute), &place);
+        report.add(0, STATES, worst_deviation(own, &wanted[..5], absolute), &place);
     }
 
-    let human: [Pose; PLAN_STEPS] =
-        std::array::from_fn(|k| authors_frame::pose(&road.scene.av().states[frame + 1 + k].unwrap(), av));
-    let window = &observation.window;
-    let line: Vec<Point> =
-        (window.start..window.start + window.samples).map(|sample| stored(av, window.line.point(sample))).collect();
-    let info = window.authors_info();
-    let logged: Vec<LoggedNeighbor<'_>> = neighbors
-        .iter()
-        .map(|neighbor| LoggedNeighbor {
-            length: neighbor.agent.state.length,
-            width: neighbor.agent.state.width,
-            logged: &neighbor.logged,
-            predicted: &neighbor.predicted,
-        })
-        .collect();
-    let speed = libm::hypot(states[0][3], states[0][4]);
-    for (name, plan) in [("constant_velocity", straight_on(speed)), ("constant_control", bend(speed))] {
+    let prediction = constant_turn_rate(&moment);
+    let speed = libm::hypot(wanted[0][3], wanted[0][4]);
+    for (name, poses) in [("constant_velocity", straight_on(speed)), ("constant_control", bend(speed))] {
         let place = format!("{place}, {name}");
         let wanted = npz.rows::<3>(&format!("{name}_plan"), &[None, Some(4), Some(3)]).unwrap();
         for (at, wanted) in [0, 9, 24, 49].into_iter().zip(&wanted[row * 4..]) {
-            let pose = plan[at];
+            let pose = poses[at];
             report.add(0, PLANS, worst_deviation([pose.x, pose.y, pose.heading], wanted, absolute), &place);
         }
-        let found = OpenLoop::of(&OpenLoopFrame {
-            plan: &plan,
-            human: &human,
-            length: observation.av.length,
-            width: observation.av.width,
-            neighbors: &logged,
-            line: &line,
-            info: &info,
-        });
+        let found = moment.judge_as_authors(&plan(av, &poses), Some(&prediction)).unwrap();
         let wanted = group::<9>(npz, name, row);
         for (ours, theirs, from_edge) in [
             (found.collision(), wanted[0], found.collision_margin),
@@ -184,13 +100,8 @@ fn compare(road: &Road<'_>, frame: usize, npz: &Npz, row: usize, report: &mut Re
         }
         add_comfort(report, [ACCELERATION, JERK], found.comfort, &wanted[3..6], &place);
         report.add(0, ERRORS, worst_deviation(found.position_errors, &wanted[6..], absolute), &place);
-        add_comfort(
-            report,
-            [HUMAN_ACCELERATION, HUMAN_JERK],
-            found.human_comfort,
-            &group::<3>(npz, "human", row),
-            &place,
-        );
+        let human = [HUMAN_ACCELERATION, HUMAN_JERK];
+        add_comfort(report, human, found.human_comfort, &group::<3>(npz, "human", row), &place);
         let wanted = group::<2>(npz, "prediction", row);
         let deviation = match found.prediction {
             Some(errors) => worst_deviation([errors.average, errors.last], &wanted, absolute),
@@ -213,38 +124,22 @@ fn add_comfort(
     report.add(0, jerk, worst_deviation(comfort.jerk, &wanted[1..2], scale), place);
 }
 
-/// The nearest agents with what the log and the predictor say of them.
-fn neighbors(road: &Road<'_>, frame: usize, briefing: &Briefing, observation: &Observation) -> Vec<Neighbor> {
-    let mut history = History::new(briefing);
-    history.push(observation);
-    let input = StepInput { briefing, observation, history: &history, prediction: None };
-    let prediction = Ctrv(None).start(briefing).unwrap().predict(&input).unwrap().check(0).unwrap();
-    let av = observation.av.pose();
-    let mut agents = observation.agents.clone();
-    agents.sort_by(|a, b| {
-        let distance = |agent: &ObservedAgent| agent.state.position().distance_squared(av.position());
-        distance(a).total_cmp(&distance(b))
-    });
-    agents.truncate(NEIGHBORS);
-    let neighbor = |agent: &ObservedAgent| {
-        let track = road.scene.tracks().iter().position(|track| track.id == agent.track).unwrap();
-        let states = &road.scene.tracks()[track].states;
-        let trajectories = &prediction.most_likely().unwrap().trajectories;
-        let predicted = trajectories.iter().find(|trajectory| trajectory.track == TrackId(agent.track.0)).unwrap();
-        Neighbor {
-            track,
-            agent: *agent,
-            logged: std::array::from_fn(|k| Some(authors_frame::pose(&states[frame + 1 + k]?, av))),
-            predicted: std::array::from_fn(|k| av.to_body(predicted.poses[k].position())),
-        }
-    };
-    agents.iter().map(neighbor).collect()
+/// What the predictor `ctrv` says at a moment.
+fn constant_turn_rate(moment: &Moment) -> Prediction {
+    let (briefing, observation) = (moment.briefing(), moment.observation());
+    let mut history = History::new(&briefing);
+    history.push(&observation);
+    let input = StepInput { briefing: &briefing, observation: &observation, history: &history, prediction: None };
+    Ctrv(None).start(&briefing).unwrap().predict(&input).unwrap().check(0).unwrap()
 }
 
-/// A place in the AV's frame as the authors store it: in single precision before and after.
-fn stored(av: Pose, place: Point) -> Point {
-    let single = |place: Point| Point::new(f64::from(place.x as f32), f64::from(place.y as f32));
-    single(av.to_body(single(place)))
+/// A plan of these poses in the frame of an AV at `av`.
+fn plan(av: Pose, poses: &[Pose; PLAN_STEPS]) -> Plan {
+    let state = |pose: &Pose| {
+        let place: Point = av.to_world(pose.position());
+        PlanState { x: place.x, y: place.y, heading: av.heading + pose.heading, speed: 0.0 }
+    };
+    UncheckedPlan { states: poses.iter().map(state).collect(), ..UncheckedPlan::default() }.check(0).unwrap()
 }
 
 fn straight_on(speed: f64) -> [Pose; PLAN_STEPS] {

@@ -23,7 +23,7 @@ pub struct Common<'a> {
 
 /// A table under construction, column by column.
 #[derive(Default)]
-struct Columns {
+pub struct Columns {
     fields: Vec<Field>,
     arrays: Vec<ArrayRef>,
 }
@@ -34,30 +34,38 @@ impl Columns {
         self.arrays.push(array);
     }
 
-    fn text<T: AsRef<str>>(&mut self, name: &str, values: impl IntoIterator<Item = T>) {
+    /// A column of text.
+    pub fn text<T: AsRef<str>>(&mut self, name: &str, values: impl IntoIterator<Item = T>) {
         self.add(name, DataType::Utf8, false, Arc::new(StringArray::from_iter_values(values)));
     }
 
-    fn count(&mut self, name: &str, values: impl IntoIterator<Item = u32>) {
+    /// A column of counts.
+    pub fn count(&mut self, name: &str, values: impl IntoIterator<Item = u32>) {
         self.add(name, DataType::UInt32, false, Arc::new(UInt32Array::from_iter_values(values)));
     }
 
-    fn flag(&mut self, name: &str, values: impl IntoIterator<Item = bool>) {
+    /// A column of flags.
+    pub fn flag(&mut self, name: &str, values: impl IntoIterator<Item = bool>) {
         let values: Vec<bool> = values.into_iter().collect();
         self.add(name, DataType::Boolean, false, Arc::new(BooleanArray::from(values)));
     }
 
-    fn number(&mut self, name: &str, values: impl IntoIterator<Item = f64>) {
+    /// A column of numbers; null where one is none.
+    pub fn number(&mut self, name: &str, values: impl IntoIterator<Item = f64>) {
         self.maybe(name, values.into_iter().map(Some));
     }
 
-    /// Null where there is none, and where it is not a number: readers' filters cannot find a NaN, for statistics leave it out.
-    fn maybe(&mut self, name: &str, values: impl IntoIterator<Item = Option<f64>>) {
+    /// A column of numbers: null where there is none, and where it is not a number: readers' filters cannot find a NaN, for statistics leave it out.
+    pub fn maybe(&mut self, name: &str, values: impl IntoIterator<Item = Option<f64>>) {
         let values = values.into_iter().map(|value| value.filter(|value| !value.is_nan()));
         self.add(name, DataType::Float64, true, Arc::new(Float64Array::from_iter(values)));
     }
 
-    fn batch(self) -> Result<RecordBatch, ArrowError> {
+    /// The rows.
+    ///
+    /// # Errors
+    /// [`ArrowError`] where columns do not fit together: a bug.
+    pub fn batch(self) -> Result<RecordBatch, ArrowError> {
         RecordBatch::try_new(Arc::new(Schema::new(self.fields)), self.arrays)
     }
 }

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use evaluation::open_loop::{Definitions, table};
 use evaluation::table::TableFormat;
 use results::drivers::{self, DRIVERS, MotionName, Predictor};
 use results::settings::Record;
@@ -31,6 +32,11 @@ pub enum Command {
     ///
     /// A run for each driver and protocol, in a folder of its own. The same command goes on where it was stopped, and drives nothing twice.
     Matrix(MatrixArgs),
+    /// Ask drivers for plans at frames of the log and judge them, without driving
+    ///
+    /// The paper's Table I: a line a driver and one of the human; docs/open-loop.md defines each figure. Exits with 1 when a driver had
+    /// no plan at some frame.
+    Evaluate(Box<EvaluateArgs>),
     /// Print the tables of finished runs
     Table(TableArgs),
     /// Score the predictions of recorded drives against what the agents then did
@@ -211,6 +217,83 @@ impl FromStr for Entrant {
             return Err(format!("{driver:?} is no driver; there are {}", known.join(", ")));
         }
         Ok(Self { label: label.to_owned(), driver: driver.to_owned(), weights: weights.map(PathBuf::from) })
+    }
+}
+
+/// `sim evaluate`.
+#[derive(Debug, Args)]
+pub struct EvaluateArgs {
+    /// Plans are asked for once a second of the log, and never driven
+    #[arg(long, required = true)]
+    pub open_loop: bool,
+
+    /// Scenes, as for `sim run` [default: the built-in demo set]
+    #[arg(value_name = "PATH", help_heading = "What to ask")]
+    pub paths: Vec<String>,
+
+    /// Scenes, as PATH is; takes all that follows up to the next option
+    #[arg(long, value_name = "PATH", num_args = 1.., conflicts_with = "paths", help_heading = "What to ask")]
+    pub scenarios: Vec<String>,
+
+    /// Who is asked, a line of the table each: names as `sim run --driver` takes them
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_parser = driver_names(), hide_possible_values = true,
+          help_heading = "What to ask")]
+    pub drivers: Vec<String>,
+
+    /// A planner of your own, as for `sim run`, a line more
+    #[arg(long, value_name = "COMMAND", help_heading = "What to ask")]
+    pub planner_command: Option<String>,
+
+    /// What the table calls your own planner [default: command]
+    #[arg(long, value_name = "NAME", requires = "planner_command", help_heading = "What to ask")]
+    pub label: Option<String>,
+
+    /// Where predictions come from [default: what each driver wants]
+    #[arg(long, value_name = "NAME", help_heading = "What to ask")]
+    pub predictor: Option<Predictor>,
+
+    /// Weights of the prediction network, for all drivers that have it or for one; may be repeated
+    #[arg(long, value_name = "[DRIVER=]FILE", help_heading = "What to ask")]
+    pub weights: Vec<String>,
+
+    /// How the network's features are made, as for `sim run`
+    #[arg(long, value_name = "STYLE", value_parser = ["authors", "mended"], help_heading = "What to ask")]
+    pub features: Option<String>,
+
+    /// By whose definitions plans are judged, and under whose protocol drivers are asked
+    #[arg(long, value_enum, default_value_t, help_heading = "What to ask")]
+    pub definitions: Definitions,
+
+    /// How to print the table
+    #[arg(long, value_enum, default_value_t, help_heading = "What to tell")]
+    pub format: table::Format,
+
+    /// Keep a row a frame: FILE.parquet, or a new folder, with the drivers' settings beside it
+    #[arg(long, value_name = "FILE|DIR", help_heading = "What to tell")]
+    pub out: Option<PathBuf>,
+
+    /// Scenes at a time; results do not depend on it [default: the cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256), help_heading = "How to run")]
+    pub parallel: Option<u16>,
+
+    /// Keep each worker with its nodes on a core of its own
+    #[arg(long, help_heading = "How to run")]
+    pub pin: bool,
+
+    /// How long an answer may take: 5s, 500ms
+    #[arg(long, value_name = "TIME", default_value = "5s", value_parser = parse_duration, help_heading = "How to run")]
+    pub deadline: Duration,
+
+    /// How long nodes may take to start [default: 20s]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration, help_heading = "How to run")]
+    pub start_timeout: Option<Duration>,
+}
+
+impl EvaluateArgs {
+    /// The scenes, given with or without the option.
+    #[must_use]
+    pub fn scenes(&self) -> &[String] {
+        if self.paths.is_empty() { &self.scenarios } else { &self.paths }
     }
 }
 

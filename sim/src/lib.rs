@@ -7,11 +7,13 @@
 //! | [`predictions`] | the predictions of recorded episodes, scored |
 //! | [`replay`] | recorded episodes driven again |
 //! | [`run`] | many episodes: workers, nodes, the bus, interrupts |
+//! | [`evaluate`] | drivers side by side on frames of the log |
 //! | [`verify`](mod@verify) | the protocol `paper` beside the authors' own numbers |
 //!
 //! One drive is in [`episode`], what a run leaves in [`results`], tables are in [`evaluation`].
 
 pub mod cli;
+pub mod evaluate;
 pub mod matrix;
 pub mod predictions;
 pub mod replay;

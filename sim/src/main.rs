@@ -11,7 +11,8 @@ use std::thread;
 use evaluation::scenes::{self, Scenes};
 use evaluation::table::{self, TableFormat};
 use results::summary::{Summary, SummaryError};
-use sim::cli::{Cli, Command, MatrixArgs, PredictionsArgs, ReplayArgs, RunArgs, TableArgs, VerifyArgs};
+use sim::cli::{Cli, Command, EvaluateArgs, MatrixArgs, PredictionsArgs, ReplayArgs, RunArgs, TableArgs, VerifyArgs};
+use sim::evaluate::request::Evaluation;
 use sim::matrix;
 use sim::predictions;
 use sim::replay;
@@ -31,6 +32,7 @@ fn main() -> ExitCode {
     let done = match cli.command {
         Command::Run(arguments) => drive(*arguments, clock, &console),
         Command::Matrix(arguments) => drive_matrix(&arguments, clock, &console),
+        Command::Evaluate(arguments) => evaluate(*arguments, clock, &console),
         Command::Table(arguments) => print_tables(&arguments, &console),
         Command::Predictions(arguments) => print_predictions(&arguments, &console),
         Command::Replay(arguments) => replay_runs(&arguments),
@@ -91,6 +93,15 @@ fn drive_matrix(arguments: &MatrixArgs, clock: WallClock, console: &Console) -> 
         terminal::say(&format!("\nfolder {}\n", arguments.out.display()))?;
     }
     Ok(if clean { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// Prints what plans are worth that are not driven.
+fn evaluate(arguments: EvaluateArgs, clock: WallClock, console: &Console) -> anyhow::Result<ExitCode> {
+    let evaluation = Evaluation::resolve(arguments, cores())?;
+    let interrupts = Interrupts::catch()?;
+    let found = sim::evaluate::evaluate(&evaluation, width(), clock, console, &interrupts)?;
+    terminal::say(&found.table)?;
+    Ok(if found.clean { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 /// Prints the finished runs; what is not finished is passed over where others are.

@@ -42,7 +42,8 @@ pub struct Briefing {
     pub route: Vec<crate::map::MapId>,
     /// The smooth line along the route, whole.
     pub reference_line: Arc<ReferenceLine>,
-    /// What was before: log indices 0 to `start` - 1, oldest first.
+    /// What was before, up to log index `start` - 1, oldest first: from log index 0 on, or the two seconds before where a single plan is
+    /// asked for.
     pub history: Vec<HistoryStep>,
 }
 

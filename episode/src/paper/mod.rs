@@ -9,7 +9,7 @@ pub mod sight;
 use wire::proto::event::Kind;
 use wire::proto::{self, EndReason};
 use world::geometry::angle_difference;
-use world::plan::{Control, Plan, STEP_SECONDS};
+use world::plan::{Control, Plan, PlanState, STEP_SECONDS};
 use world::route::{Route, RouteError};
 use world::scene::{AgentState, Scene};
 use world::vehicle::{VehicleState, WHEELBASE};
@@ -43,9 +43,8 @@ pub(super) struct Paper {
 }
 
 impl Paper {
-    /// The AV in `state` at the start.
-    pub(super) fn new(scene: &Scene, state: AgentState) -> Result<Self, Undrivable> {
-        let log_index = START as usize;
+    /// The AV in `state` at the start, `log_index`.
+    pub(super) fn new(scene: &Scene, state: AgentState, log_index: usize) -> Result<Self, Undrivable> {
         let mut surroundings = Surroundings::new(scene)?;
         let mut sight = surroundings.first_sight();
         if !surroundings.look(scene, log_index, &state, &mut sight) {
@@ -74,8 +73,12 @@ impl Paper {
 
     /// Puts the AV on the plan's first pose; only the heading is held back.
     pub(super) fn drive(&mut self, plan: &Plan) {
+        self.put(&plan.states()[0]);
+    }
+
+    /// Puts the AV on a state a step later, as far as its heading may turn.
+    pub(super) fn put(&mut self, first: &PlanState) {
         let before = self.av;
-        let first = plan.states()[0];
         let turn = angle_difference(before.heading, first.heading).clamp(-HEADING_CLIP, HEADING_CLIP);
         self.av = AgentState {
             x: first.x,

@@ -17,7 +17,7 @@ use std::collections::BTreeSet;
 
 use wire::proto::{self, EndReason};
 use world::geometry::{Point, Pose, angle_difference};
-use world::plan::{Control, Plan, STEP_SECONDS};
+use world::plan::{Control, Plan, PlanState, STEP_SECONDS};
 use world::reference_line::ReferenceWindow;
 use world::route::follow::Followed;
 use world::route::{Route, RouteStyle};
@@ -181,16 +181,24 @@ impl Strict {
                 self.control.acceleration = (next.speed - now.speed) / STEP_SECONDS;
                 next
             }
-            Motion::Playback => {
-                let first = plan.states()[0];
-                let next = VehicleState { x: first.x, y: first.y, heading: first.heading, speed: first.speed.max(0.0) };
-                self.control = control_between(&now, &next, self.vehicle.wheelbase);
-                next
-            }
+            Motion::Playback => return self.put(&plan.states()[0]),
         };
+        self.arrive(&next);
+    }
+
+    /// Puts the AV on a state a step later, wherever that is.
+    pub(super) fn put(&mut self, state: &PlanState) {
+        let before = self.av.state;
+        let now = VehicleState { x: before.x, y: before.y, heading: before.heading, speed: self.av.speed };
+        let next = VehicleState { x: state.x, y: state.y, heading: state.heading, speed: state.speed.max(0.0) };
+        self.control = control_between(&now, &next, self.vehicle.wheelbase);
+        self.arrive(&next);
+    }
+
+    fn arrive(&mut self, next: &VehicleState) {
         let ground = self.av.state.z - self.height;
         self.place = self.reader.follow(&self.course, next.pose(), ground);
-        self.av = self.body_at(&next);
+        self.av = self.body_at(next);
     }
 
     fn body_at(&self, vehicle: &VehicleState) -> Body {

@@ -7,7 +7,7 @@ use wire::hub::{Cast, EpisodeLine, Hub, LineError};
 use wire::keys::Worker;
 use wire::proto::{AgentState, EpisodeEnd, Event, StepRecord};
 use world::observation::{Briefing, Observation};
-use world::plan::Plan;
+use world::plan::{Plan, Prediction};
 use world::scene::{Scene, Track};
 
 use super::drive::Driver;
@@ -22,6 +22,8 @@ pub struct BusDriver {
     recorder: Option<Duration>,
     /// Whether the nodes know how it ended.
     dismissed: bool,
+    /// What the predictor said at the last step.
+    pub prediction: Option<Prediction>,
     /// Whether the recorder did not say in time that it is done.
     pub recorder_is_frozen: bool,
 }
@@ -41,7 +43,15 @@ impl BusDriver {
     ) -> Result<Self, String> {
         let line = hub.episode(worker, scene.id(), cast).map_err(|error| error.to_string())?;
         let recorder = cast.recorder.map(|_| closing);
-        Ok(Self { line, scene: Arc::clone(scene), deadline, recorder, dismissed: false, recorder_is_frozen: false })
+        Ok(Self {
+            line,
+            scene: Arc::clone(scene),
+            deadline,
+            recorder,
+            dismissed: false,
+            prediction: None,
+            recorder_is_frozen: false,
+        })
     }
 }
 
@@ -54,9 +64,8 @@ impl Driver for BusDriver {
         let step = observation.step;
         let at = |what: &str, error: &dyn std::fmt::Display| format!("step {step}: {what}{error}");
         let (plan, prediction) = self.line.step(observation, self.deadline).map_err(|error| at("", &error))?;
-        if let Some(prediction) = prediction {
-            prediction.check(step).map_err(|error| at("the predictor's answer is refused: ", &error))?;
-        }
+        let prediction = prediction.map(|prediction| prediction.check(step)).transpose();
+        self.prediction = prediction.map_err(|error| at("the predictor's answer is refused: ", &error))?;
         plan.check(step).map_err(|error| at("the planner's answer is refused: ", &error))
     }
 

@@ -11,6 +11,7 @@
 //! | [`core`] | what follows from what happened: pure |
 //! | [`worker`], [`recorder`] | the threads that do it |
 //! | [`drive`], [`bus`] | one episode, and its driver on the bus |
+//! | [`frames`] | no drive at all: plans at frames of the log, to be judged |
 //! | [`progress`] | which episodes are done, and which are to be driven |
 //! | [`process`], [`shell`], [`voice`], [`raised`], [`witness`] | nodes: started, heard, and how they ended |
 //! | [`console`], [`interrupt`], [`threads`], [`clock`] | standard error, Ctrl-C, panics, time |
@@ -54,6 +55,7 @@ pub mod core;
 #[cfg(test)]
 mod core_tests;
 pub mod drive;
+pub mod frames;
 pub mod interrupt;
 pub mod process;
 pub mod progress;
@@ -205,6 +207,7 @@ fn drive_pending(
         scenes,
         file,
         folder,
+        frames: None,
         hub,
         external,
         recorder: Mutex::default(),

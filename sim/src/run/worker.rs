@@ -26,6 +26,7 @@ use super::clock::{Clock, WallClock};
 use super::console::Console;
 use super::core::{Drive, Event};
 use super::drive::{Driven, drive};
+use super::frames::Frames;
 use super::process::{Groups, Process, program};
 use super::shell;
 use super::voice::Voice;
@@ -51,6 +52,8 @@ pub struct Shared {
     pub file: RunFile,
     /// Where finished episodes go.
     pub folder: Folder,
+    /// Where figures go, if nothing is driven: plans are asked for at frames of the log, and judged.
+    pub frames: Option<Frames>,
     /// The bus.
     pub hub: Hub,
     /// The place of a planner that somebody else starts, and that serves all workers.
@@ -157,10 +160,16 @@ pub fn work(number: usize, shared: &Arc<Shared>, orders: &Receiver<Order>, event
                 Ok(()) => Event::NodesReady(number),
                 Err(reason) => Event::NodesLost(number, reason),
             },
-            Order::Drive(drive) => match worker.drive(drive) {
-                Some(event) => event,
-                None => return,
-            },
+            Order::Drive(drive) => {
+                let event = match &shared.frames {
+                    None => worker.drive(drive),
+                    Some(frames) => worker.judge(drive, frames),
+                };
+                match event {
+                    Some(event) => event,
+                    None => return,
+                }
+            }
         };
         if events.send(event).is_err() {
             return;
@@ -169,11 +178,11 @@ pub fn work(number: usize, shared: &Arc<Shared>, orders: &Receiver<Order>, event
     worker.stop_nodes();
 }
 
-struct Worker<'a> {
-    number: usize,
-    name: WorkerName,
-    shared: &'a Shared,
-    nodes: Vec<Process>,
+pub(super) struct Worker<'a> {
+    pub(super) number: usize,
+    pub(super) name: WorkerName,
+    pub(super) shared: &'a Shared,
+    pub(super) nodes: Vec<Process>,
     seats: Option<Seats>,
     /// How often nodes were started, for their names.
     starts: u32,
@@ -186,7 +195,21 @@ struct Seats {
 }
 
 impl Worker<'_> {
-    fn start_nodes(&mut self) -> Result<(), String> {
+    /// The bus's line to its nodes for an episode of `scene`, and the processes behind it.
+    pub(super) fn driver(
+        &mut self,
+        scene: &Arc<Scene>,
+        recorder: Option<&Seat>,
+    ) -> Result<Witness<'_, BusDriver>, String> {
+        let shared = self.shared;
+        let seats = self.seats.as_ref().ok_or("its worker has no nodes")?;
+        let cast = Cast { planner: &seats.planner, predictor: seats.predictor.as_ref(), recorder };
+        let deadline = shared.file.settings.deadline();
+        let driver = BusDriver::new(&shared.hub, &self.name, scene, cast, deadline, CLOSING)?;
+        Ok(Witness { driver, nodes: &mut self.nodes })
+    }
+
+    pub(super) fn start_nodes(&mut self) -> Result<(), String> {
         self.nodes.clear();
         self.starts += 1;
         let settings = &self.shared.file.settings;
@@ -316,16 +339,10 @@ impl Worker<'_> {
         let start = AgentState::from(&episode.observe().av);
         let start_log_index = episode.briefing().start;
         let recorder = if record { shared.recorder() } else { None };
-        let Some(seats) = &self.seats else {
-            return Some(self.unreadable(scene.id().as_str(), "its worker has no nodes"));
-        };
-        let cast = Cast { planner: &seats.planner, predictor: seats.predictor.as_ref(), recorder: recorder.as_deref() };
-        let deadline = settings.deadline();
-        let driver = match BusDriver::new(&shared.hub, &self.name, scene, cast, deadline, CLOSING) {
+        let mut driver = match self.driver(scene, recorder.as_deref()) {
             Ok(driver) => driver,
             Err(reason) => return Some(self.unreadable(scene.id().as_str(), &reason)),
         };
-        let mut driver = Witness { driver, nodes: &mut self.nodes };
         let Driven { outcome, recording, timing } = drive(episode, &mut driver, &shared.clock, &shared.stop)?;
         if driver.driver.recorder_is_frozen {
             shared.recorder_is_frozen.store(true, Ordering::Relaxed);

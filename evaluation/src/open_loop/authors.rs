@@ -1,12 +1,16 @@
-//! The paper's open-loop metrics, as its published test code computes them (`dipp/metrics.md`): a plan is made at a frame of the
-//! log, never driven, and held against what the log says of the next five seconds.
+//! The paper's open-loop metrics, as its published test code computes them (`dipp/metrics.md`).
 //!
 //! The quirks are kept, each named where it is. What the authors write as 0 for missing is `None` here.
 
 use episode::judges::discs::Discs;
 use episode::metrics::paper::{Comfort, comfort_by_ends};
+use episode::paper::Sight;
+use world::authors_frame::{self, single};
 use world::geometry::{Point, Pose};
-use world::plan::PLAN_STEPS;
+use world::plan::{PLAN_STEPS, Plan, Prediction};
+use world::scene::{AgentState, Scene};
+
+use super::pose_of;
 
 /// A plan further than this (m) from the reference line is off the route.
 pub const OFF_ROUTE: f64 = 5.0;
@@ -42,8 +46,8 @@ pub struct LoggedNeighbor<'a> {
     pub width: f64,
     /// Where the log sees it; `None` where it does not.
     pub logged: &'a [Option<Pose>; PLAN_STEPS],
-    /// Where the likeliest prediction puts it.
-    pub predicted: &'a [Point; PLAN_STEPS],
+    /// Where the likeliest prediction puts it; `None` where it is not predicted.
+    pub predicted: Option<&'a [Point; PLAN_STEPS]>,
 }
 
 /// What a frame was worth.
@@ -61,13 +65,16 @@ pub struct OpenLoop {
     pub human_comfort: Comfort,
     /// Distance between plan and human after 1, 3 and 5 s (m).
     pub position_errors: [f64; 3],
-    /// How far off the prediction was; `None` where no neighbor was there a step after the frame (the authors write NaN).
+    /// How far off the prediction was; `None` where no neighbor that is predicted was there a step after the frame (the authors write
+    /// NaN).
     pub prediction: Option<PredictionErrors>,
 }
 
 /// How far off a prediction was, a mean over the neighbors that the log sees a step after the frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PredictionErrors {
+    /// How many neighbors those are.
+    pub agents: u32,
     /// Average displacement (m). The sum over the steps that the log sees is divided by all fifty: who leaves early looks better.
     pub average: f64,
     /// Final displacement (m); 0 for a neighbor that the log does not see at 5 s.
@@ -138,16 +145,85 @@ fn collision_margin(frame: &OpenLoopFrame<'_>) -> f64 {
 }
 
 fn prediction_errors(neighbors: &[LoggedNeighbor<'_>]) -> Option<PredictionErrors> {
-    let present: Vec<_> = neighbors.iter().filter(|neighbor| neighbor.logged[0].is_some()).collect();
-    let (mut average, mut last) = (0.0, 0.0);
-    for neighbor in &present {
+    let present = neighbors.iter().filter(|neighbor| neighbor.logged[0].is_some());
+    let (mut agents, mut average, mut last) = (0, 0.0, 0.0);
+    for (neighbor, predicted) in present.filter_map(|neighbor| Some((neighbor, neighbor.predicted?))) {
         let error = |(pose, point): (&Option<Pose>, &Point)| pose.map_or(0.0, |pose| pose.position().distance(*point));
-        let mut errors = neighbor.logged.iter().zip(neighbor.predicted).map(error);
+        let mut errors = neighbor.logged.iter().zip(predicted).map(error);
+        agents += 1;
         average += errors.clone().sum::<f64>() / PLAN_STEPS as f64;
         last += errors.next_back().unwrap_or(0.0);
     }
-    let count = present.len() as f64;
-    (!present.is_empty()).then(|| PredictionErrors { average: average / count, last: last / count })
+    let count = f64::from(agents);
+    (agents > 0).then(|| PredictionErrors { agents, average: average / count, last: last / count })
+}
+
+/// What a plan and a prediction at `frame` of the log are worth, for an AV that is and sees what it does there.
+pub(super) fn judge(
+    scene: &Scene,
+    frame: usize,
+    av: &AgentState,
+    sight: &Sight,
+    plan: &Plan,
+    prediction: Option<&Prediction>,
+) -> OpenLoop {
+    let own = av.pose();
+    let expected = prediction.and_then(Prediction::most_likely);
+    let logged = |states: &[Option<AgentState>], k: usize| {
+        let state = states.get(frame + 1 + k)?.as_ref()?;
+        Some(authors_frame::pose(state, own))
+    };
+    let neighbors: Vec<Neighbor> = sight
+        .neighbors
+        .iter()
+        .filter_map(|track| {
+            let track = &scene.tracks()[*track];
+            let state = track.states[frame]?;
+            let mut trajectories = expected.map_or(&[][..], |future| &future.trajectories).iter();
+            let trajectory = trajectories.find(|trajectory| trajectory.track == track.id);
+            Some(Neighbor {
+                length: state.length,
+                width: state.width,
+                logged: std::array::from_fn(|k| logged(&track.states, k)),
+                predicted: trajectory.map(|t| std::array::from_fn(|k| own.to_body(t.poses[k].position()))),
+            })
+        })
+        .collect();
+    let neighbors: Vec<LoggedNeighbor<'_>> = neighbors
+        .iter()
+        .map(|neighbor| LoggedNeighbor {
+            length: neighbor.length,
+            width: neighbor.width,
+            logged: &neighbor.logged,
+            predicted: neighbor.predicted.as_ref(),
+        })
+        .collect();
+    let window = &sight.window;
+    let rows = window.start..(window.start + window.samples).min(window.line.len());
+    OpenLoop::of(&OpenLoopFrame {
+        plan: &std::array::from_fn(|k| own.pose_to_body(pose_of(&plan.states()[k]))),
+        // A state that is missing is at the AV's own place to them.
+        human: &std::array::from_fn(|k| logged(&scene.av().states, k).unwrap_or_default()),
+        length: av.length,
+        width: av.width,
+        neighbors: &neighbors,
+        line: &rows.map(|sample| stored(own, window.line.point(sample))).collect::<Vec<_>>(),
+        info: &window.authors_info(),
+    })
+}
+
+/// A neighbor, with what it lends to [`LoggedNeighbor`].
+struct Neighbor {
+    length: f64,
+    width: f64,
+    logged: [Option<Pose>; PLAN_STEPS],
+    predicted: Option<[Point; PLAN_STEPS]>,
+}
+
+/// A place in the AV's frame as the authors store it: in single precision before and after.
+fn stored(av: Pose, place: Point) -> Point {
+    let rounded = |place: Point| Point::new(single(place.x), single(place.y));
+    rounded(av.to_body(rounded(place)))
 }
 
 #[cfg(test)]
@@ -180,7 +256,8 @@ mod tests {
     impl Scene {
         fn measure(&self) -> OpenLoop {
             let human = along(0.0);
-            let neighbor = LoggedNeighbor { length: 4.5, width: 2.0, logged: &self.logged, predicted: &self.predicted };
+            let neighbor =
+                LoggedNeighbor { length: 4.5, width: 2.0, logged: &self.logged, predicted: Some(&self.predicted) };
             OpenLoop::of(&OpenLoopFrame {
                 plan: &self.plan,
                 human: &human,
@@ -217,7 +294,10 @@ mod tests {
         for (k, pose) in along(5.5).into_iter().enumerate().take(20) {
             scene.logged[k] = Some(pose);
         }
-        assert_eq!(scene.measure().prediction, Some(PredictionErrors { average: 2.0 * 20.0 / 50.0, last: 0.0 }));
+        assert_eq!(
+            scene.measure().prediction,
+            Some(PredictionErrors { agents: 1, average: 2.0 * 20.0 / 50.0, last: 0.0 })
+        );
     }
 
     #[test]

@@ -1,0 +1,254 @@
+//! A command line and what it means: for each driver what `sim run` would make of it.
+
+use std::path::PathBuf;
+
+use clap::Parser;
+use evaluation::open_loop::Definitions;
+use evaluation::open_loop::table::Format;
+use results::drivers::{self, Predictor};
+use thiserror::Error;
+
+use crate::cli::{EvaluateArgs, RunArgs};
+use crate::request::{Request, RequestError};
+
+/// Drivers, scenes, definitions.
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    /// A run a driver, in the order of the table.
+    pub requests: Vec<Request>,
+    /// By what plans are judged.
+    pub definitions: Definitions,
+    /// Where the scenes come from.
+    pub scenarios: Vec<String>,
+    /// How the table is printed.
+    pub format: Format,
+    /// Where the rows of all frames go.
+    pub out: Option<PathBuf>,
+}
+
+/// A command line that cannot be meant.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum EvaluationError {
+    #[error(transparent)]
+    Driver(#[from] RequestError),
+    #[error(
+        "two rows of the table would be called {0}\nhint: name each driver once; --label names a planner of your own"
+    )]
+    Twice(String),
+    #[error(
+        "--weights {0}= names no driver of --drivers\nhint: --weights FILE gives a file to all that have the network"
+    )]
+    WeightsOfNobody(String),
+    #[error(
+        "no driver of --drivers has the predictor network, so --weights and --features say nothing\nhint: leave them out, or add --drivers dipp"
+    )]
+    NoNetwork,
+    #[error("nobody is asked\nhint: --drivers dipp,idm or --planner-command COMMAND")]
+    Nobody,
+    #[error("{0}")]
+    Words(#[from] clap::Error),
+}
+
+/// The words of one driver, read as those of `sim run`.
+#[derive(Parser)]
+struct Words {
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+/// Who is asked.
+enum Who<'a> {
+    Driver(&'a str),
+    Own(&'a str),
+}
+
+impl Evaluation {
+    /// What `arguments` mean on a machine with so many cores.
+    ///
+    /// # Errors
+    /// [`EvaluationError`].
+    pub fn resolve(arguments: EvaluateArgs, cores: u16) -> Result<Self, EvaluationError> {
+        let named = arguments.drivers.iter().map(|name| Who::Driver(name));
+        let everybody = named.chain(arguments.planner_command.as_deref().map(Who::Own));
+        let weights = Weights::of(&arguments)?;
+        let mut networks = 0;
+        let mut requests: Vec<Request> = Vec::new();
+        for who in everybody {
+            let has_network = arguments.predictor == Some(Predictor::Network)
+                || matches!(who, Who::Driver(name)
+                    if drivers::find(name).is_some_and(|row| row.predictor == Predictor::Network));
+            networks += usize::from(has_network);
+            let words = words(&arguments, &who, has_network, &weights);
+            let run = Words::try_parse_from(words)?.run;
+            let request = Request::resolve(run, cores)?;
+            if requests.iter().any(|other| other.settings.driver == request.settings.driver) {
+                return Err(EvaluationError::Twice(request.settings.driver));
+            }
+            requests.push(request);
+        }
+        if requests.is_empty() {
+            return Err(EvaluationError::Nobody);
+        }
+        if networks == 0 && (!arguments.weights.is_empty() || arguments.features.is_some()) {
+            return Err(EvaluationError::NoNetwork);
+        }
+        Ok(Self {
+            requests,
+            definitions: arguments.definitions,
+            scenarios: arguments.scenes().to_vec(),
+            format: arguments.format,
+            out: arguments.out,
+        })
+    }
+}
+
+/// Files of weights: for one driver, or for all.
+struct Weights {
+    of: Vec<(Option<String>, String)>,
+}
+
+impl Weights {
+    fn of(arguments: &EvaluateArgs) -> Result<Self, EvaluationError> {
+        let mut of = Vec::new();
+        for given in &arguments.weights {
+            // A file's name may hold the sign itself.
+            match given.split_once('=') {
+                Some((driver, file)) if drivers::find(driver).is_some() => {
+                    if !arguments.drivers.iter().any(|name| name == driver) {
+                        return Err(EvaluationError::WeightsOfNobody(driver.to_owned()));
+                    }
+                    of.push((Some(driver.to_owned()), file.to_owned()));
+                }
+                _ => of.push((None, given.clone())),
+            }
+        }
+        Ok(Self { of })
+    }
+
+    /// The driver's own file, or that of all; of several the last.
+    fn file(&self, driver: Option<&str>) -> Option<&str> {
+        let own = |(of, _): &&(Option<String>, String)| of.is_some() && of.as_deref() == driver;
+        let of_all = |(of, _): &&(Option<String>, String)| of.is_none();
+        let found = self.of.iter().rev().find(own).or_else(|| self.of.iter().rev().find(of_all));
+        found.map(|(_, file)| file.as_str())
+    }
+}
+
+fn words(arguments: &EvaluateArgs, who: &Who<'_>, has_network: bool, weights: &Weights) -> Vec<String> {
+    let mut words = vec!["evaluate".to_owned()];
+    let mut say = |option: &str, value: &str| words.extend([option.to_owned(), value.to_owned()]);
+    match who {
+        Who::Driver(name) => say("--driver", name),
+        Who::Own(command) => {
+            say("--planner-command", command);
+            if let Some(label) = &arguments.label {
+                say("--label", label);
+            }
+        }
+    }
+    let protocol = match arguments.definitions {
+        Definitions::Strict => "strict",
+        Definitions::Authors => "paper",
+    };
+    say("--protocol", protocol);
+    say("--record", "none");
+    say("--deadline", &format!("{}ms", arguments.deadline.as_millis()));
+    if let Some(timeout) = arguments.start_timeout {
+        say("--start-timeout", &format!("{}ms", timeout.as_millis()));
+    }
+    if let Some(parallel) = arguments.parallel {
+        say("--parallel", &parallel.to_string());
+    }
+    if let Some(predictor) = arguments.predictor {
+        say("--predictor", predictor_name(predictor));
+    }
+    if has_network {
+        let driver = match who {
+            Who::Driver(name) => Some(*name),
+            Who::Own(_) => None,
+        };
+        if let Some(file) = weights.file(driver) {
+            say("--weights", file);
+        }
+        if let Some(features) = &arguments.features {
+            say("--features", features);
+        }
+    }
+    if arguments.pin {
+        words.push("--pin".to_owned());
+    }
+    if !arguments.scenes().is_empty() {
+        words.push("--".to_owned());
+        words.extend_from_slice(arguments.scenes());
+    }
+    words
+}
+
+fn predictor_name(predictor: Predictor) -> &'static str {
+    match predictor {
+        Predictor::None => "none",
+        Predictor::Ctrv => "ctrv",
+        Predictor::Oracle => "oracle",
+        Predictor::Network => "network",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::{Cli, Command};
+
+    fn resolve(line: &str) -> Result<Evaluation, EvaluationError> {
+        let words = ["sim", "evaluate", "--open-loop"].into_iter().chain(line.split_whitespace());
+        let Command::Evaluate(arguments) = Cli::parse_from(words).command else { panic!("another command") };
+        Evaluation::resolve(*arguments, 2)
+    }
+
+    #[test]
+    fn each_driver_is_asked_as_sim_run_would_ask_it() {
+        let evaluation = resolve("--drivers dipp,idm,gn-ctrv a b --definitions authors --parallel 3").unwrap();
+        let names: Vec<_> = evaluation.requests.iter().map(|request| &*request.settings.driver).collect();
+        assert_eq!(names, ["dipp", "idm", "gn-ctrv"]);
+        for request in &evaluation.requests {
+            assert_eq!(request.settings.protocol.name(), "paper");
+            assert_eq!((request.machine.parallel, &request.machine.scenarios[..]), (3, &["a".into(), "b".into()][..]));
+        }
+        assert_eq!(evaluation.scenarios, ["a", "b"]);
+        let strict = resolve("--drivers human --scenarios a").unwrap();
+        assert_eq!(strict.requests[0].settings.protocol.name(), "strict");
+    }
+
+    #[test]
+    fn weights_are_for_one_driver_or_for_all_that_have_the_network() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml");
+        let other = concat!(env!("CARGO_MANIFEST_DIR"), "/src/lib.rs");
+        let line = format!("--drivers dipp,sep,il-pred,idm --weights dipp={file} --weights {other} --features authors");
+        let requests = resolve(&line).unwrap().requests;
+        let weights: Vec<_> = requests.iter().map(|request| request.machine.weights.as_deref()).collect();
+        assert_eq!(weights, [Some(file), Some(other), Some(other), None]);
+        assert!(matches!(resolve("--drivers idm --weights x"), Err(EvaluationError::NoNetwork)));
+        assert!(matches!(resolve("--drivers idm --weights sep=x"), Err(EvaluationError::WeightsOfNobody(_))));
+        assert!(matches!(resolve("--drivers sep"), Err(EvaluationError::Driver(RequestError::NeedsWeights { .. }))));
+    }
+
+    #[test]
+    fn a_planner_of_ones_own_stands_beside_the_others() {
+        let words = [
+            "sim",
+            "evaluate",
+            "--open-loop",
+            "--drivers",
+            "idm",
+            "--planner-command",
+            "python a.py",
+            "--label",
+            "mine",
+        ];
+        let Command::Evaluate(arguments) = Cli::parse_from(words).command else { panic!("another command") };
+        let requests = Evaluation::resolve(*arguments, 2).unwrap().requests;
+        assert_eq!(requests.iter().map(|request| &*request.settings.driver).collect::<Vec<_>>(), ["idm", "mine"]);
+        assert!(matches!(resolve("--drivers idm,idm"), Err(EvaluationError::Twice(_))));
+        assert!(matches!(resolve(""), Err(EvaluationError::Nobody)));
+    }
+}
