@@ -166,3 +166,101 @@ fn errors(
         best_last: least(&mut all.iter().map(|sums| mean(sums.last, sums.last_agents))),
     })
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use std::sync::Arc;
+
+    use scenarios::generated::{Family, Parameters};
+    use world::plan::{Future, PredictedTrajectory, UncheckedPlan, UncheckedPrediction};
+
+    use super::super::{Definitions, Moment, frames};
+    use super::*;
+
+    const FRAME: usize = 60;
+
+    /// A scene of the generator whose log loses sight of agents, and its moment.
+    fn moment() -> (Arc<Scene>, Moment) {
+        let payload = Family::named("red-light").unwrap().payload("s", 3, 0, &Parameters::default()).unwrap();
+        let scene = Arc::new(scenarios::womd::read(&payload).unwrap().0);
+        assert!(frames(scene.steps()).any(|frame| frame as usize == FRAME));
+        let moment = Moment::new(&scene, Definitions::Strict, FRAME as u32).unwrap();
+        (scene, moment)
+    }
+
+    /// The logged drive as a plan.
+    fn human(scene: &Scene) -> Plan {
+        let state = |k: usize| {
+            let state = scene.av().states[FRAME + 1 + k].unwrap();
+            PlanState { x: state.x, y: state.y, heading: state.heading, speed: state.speed() }
+        };
+        UncheckedPlan { states: (0..PLAN_STEPS).map(state).collect(), ..UncheckedPlan::default() }.check(0).unwrap()
+    }
+
+    /// Where everybody will be, less so many metres in each future; somewhere else where the log does not say.
+    fn off_by(scene: &Scene, moment: &Moment, metres: &[f64]) -> Prediction {
+        let trajectory = |agent: &ObservedAgent, aside: f64| {
+            let states = &scene.tracks().iter().find(|track| track.id == agent.track).unwrap().states;
+            let pose = |k: usize| {
+                let state = states.get(FRAME + 1 + k).copied().flatten();
+                state.map_or(Pose::new(1e4, 1e4, 0.0), |state| Pose::new(state.x + aside, state.y, 0.0))
+            };
+            PredictedTrajectory { track: agent.track, poses: (0..PLAN_STEPS).map(pose).collect() }
+        };
+        let agents = moment.observation().agents;
+        let future = |aside: &f64| Future {
+            probability: 1.0 / metres.len() as f64,
+            trajectories: agents.iter().map(|agent| trajectory(agent, *aside)).collect(),
+        };
+        let futures = metres.iter().map(future).collect();
+        UncheckedPrediction { futures, ..UncheckedPrediction::default() }.check(0).unwrap()
+    }
+
+    #[test]
+    fn the_logged_drive_as_a_plan_is_without_fault_or_error_and_felt_as_the_human_s() {
+        let (scene, moment) = moment();
+        let row = moment.judge(&human(&scene), None);
+        let faults = [row.plan.collision, row.plan.red_light, row.plan.off_route, row.plan.off_road];
+        assert_eq!((faults, row.position_errors), ([Some(false); 4], [Some(0.0); 3]));
+        assert_eq!(row.plan.comfort, row.human.comfort);
+        assert_eq!((row.prediction, row.mode), (None, None));
+    }
+
+    #[test]
+    fn predictions_are_judged_where_the_log_says_something_and_nowhere_else() {
+        let (scene, moment) = moment();
+        let row = moment.judge(&human(&scene), Some(&off_by(&scene, &moment, &[1.0, 0.25, 3.0])));
+        let found = row.prediction.unwrap();
+        let near = |value: Option<f64>, expected: f64| (value.unwrap() - expected).abs() < 1e-9;
+        assert!(near(Some(found.average), 1.0) && near(found.last, 1.0), "{found:?}");
+        assert!(near(found.best_average, 0.25) && near(found.best_last, 0.25), "{found:?}");
+        assert!(found.agents > 0 && found.last_agents <= found.agents && found.agents <= PREDICTED as u32);
+        assert_eq!(row.mode, Some(0));
+    }
+
+    #[test]
+    fn who_is_not_predicted_is_in_no_mean() {
+        let (scene, moment) = moment();
+        let mut prediction = off_by(&scene, &moment, &[1.0]).into_unchecked();
+        let all = moment.judge(&human(&scene), Some(&prediction.clone().check(0).unwrap())).prediction.unwrap();
+        let av = moment.observation().av.position();
+        let mut agents = moment.observation().agents;
+        agents.sort_by(|a, b| a.state.position().distance(av).total_cmp(&b.state.position().distance(av)));
+        prediction.futures[0].trajectories.retain(|trajectory| trajectory.track != agents[0].track);
+        let fewer = moment.judge(&human(&scene), Some(&prediction.check(0).unwrap())).prediction.unwrap();
+        assert_eq!(fewer.agents + 1, all.agents);
+    }
+
+    #[test]
+    fn going_round_a_bend_is_felt() {
+        // 10 m/s on a circle of 20 m: 5 m/s^2 across, where the authors' figure is 0.
+        let state = |k: usize| {
+            let angle = 0.05 * k as f64;
+            PlanState { x: 20.0 * libm::sin(angle), y: 20.0 * (1.0 - libm::cos(angle)), heading: angle, speed: 10.0 }
+        };
+        let comfort = felt(Pose::default(), &(1..=PLAN_STEPS).map(state).collect::<Vec<_>>());
+        assert!((comfort.lateral_acceleration.unwrap() - 5.0).abs() < 1e-3, "{comfort:?}");
+        assert!(comfort.acceleration.unwrap() < 1e-9);
+    }
+}

@@ -316,8 +316,24 @@ mod tests {
     fn each_driver_has_a_line_and_the_human_the_last() {
         let rows = rows();
         let drivers = [Driven { driver: "dipp", rows: &rows }];
-        insta::assert_snapshot!(render(&drivers, Definitions::Strict, 1, Format::Text, 160), @"");
-        insta::assert_snapshot!(render(&drivers, Definitions::Authors, 1, Format::Csv, 0), @"");
+        insta::assert_snapshot!(render(&drivers, Definitions::Strict, 1, Format::Text, 160), @"
+        open loop, definitions strict, 3 frames of 1 scene
+
+        driver                    colli-    at   red   off  off acc. jerk lat. error error error pred. pred.   min   min
+                    frames failed   sion fault light route road           acc.  @1 s  @3 s  @5 s   ADE   FDE   ADE   FDE
+                                       %     %     %     %    % m/s² m/s³ m/s²     m     m     m     m     m     m     m
+        ─────────────────────────────────────────────────────────────────────────────────────────────────────────────────
+        dipp             2      1   50.0     -     -     -    -    -    -    - 2.000 2.000 2.000 1.500 1.500 0.750 0.750
+        human (log)      3      0   0.0*     -     -     -    -    -    -    -     -     -     -     -     -     -     -
+
+        * over those of the frames that have a value
+        dipp: s at 40 has no plan: the planner did not answer
+        ");
+        insta::assert_snapshot!(render(&drivers, Definitions::Authors, 1, Format::Csv, 0), @"
+        driver,definitions,frames,failed,collision_percent,red_light_percent,off_route_percent,mean_abs_acceleration_mps2,mean_abs_jerk_mps3,mean_abs_lateral_acceleration_mps2,position_error_1s_m,position_error_3s_m,position_error_5s_m,prediction_ade_m,prediction_fde_m
+        dipp,authors,2,1,50,,,,,,2,2,2,2,2
+        human (log),authors,3,0,0,,,,,,,,,,
+        ");
         let json: Value = serde_json::from_str(&render(&drivers, Definitions::Strict, 1, Format::Json, 0)).unwrap();
         assert_eq!(json["lines"][0]["prediction_ade_m"], 1.5);
         assert_eq!(json["failures"][0]["frame"], 40);

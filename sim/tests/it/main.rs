@@ -32,6 +32,7 @@ fn help_says_what_can_be_typed() {
     Commands:
       run          Drive scenes and write a run folder
       matrix       Drive scenes with several drivers, and print one table
+      evaluate     Ask drivers for plans at frames of the log and judge them, without driving
       table        Print the tables of finished runs
       predictions  Score the predictions of recorded drives against what the agents then did
       replay       Drive recorded episodes again by their plans, and say whether all is the same
@@ -99,6 +100,48 @@ fn help_says_what_can_be_typed() {
                                       that you start yourself]
           --endpoint <tcp/HOST:PORT>  Where to listen for nodes [default: a free port of this machine]
           --timing                    Say on standard error where the time went
+    --- stderr
+    ");
+    insta::assert_snapshot!(sim(folder.path(), &["evaluate", "-h"]), @"
+    code 0
+    --- stdout
+    Ask drivers for plans at frames of the log and judge them, without driving
+
+    Usage: sim evaluate [OPTIONS] --open-loop [PATH]...
+
+    Options:
+          --open-loop   Plans are asked for once a second of the log, and never driven
+      -v, --verbose...  Say more on standard error; twice for everything
+      -h, --help        Print help (see more with '--help')
+
+    What to ask:
+          --scenarios <PATH>...        Scenes, as PATH is; takes all that follows up to the next option
+          --drivers <NAME,...>         Who is asked, a line of the table each: names as `sim run
+                                       --driver` takes them
+          --planner-command <COMMAND>  A planner of your own, as for `sim run`, a line more
+          --label <NAME>               What the table calls your own planner [default: command]
+          --predictor <NAME>           Where predictions come from [default: what each driver wants]
+                                       [possible values: none, ctrv, oracle, network]
+          --weights <[DRIVER=]FILE>    Weights of the prediction network, for all drivers that have it
+                                       or for one; may be repeated
+          --features <STYLE>           How the network's features are made, as for `sim run` [possible
+                                       values: authors, mended]
+          --definitions <DEFINITIONS>  By whose definitions plans are judged, and under whose protocol
+                                       drivers are asked [default: strict] [possible values: strict,
+                                       authors]
+      [PATH]...                        Scenes, as for `sim run` [default: the built-in demo set]
+
+    What to tell:
+          --format <FORMAT>  How to print the table [default: text] [possible values: text, markdown,
+                             csv, json]
+          --out <FILE|DIR>   Keep a row a frame: FILE.parquet, or a new folder, with the drivers'
+                             settings beside it
+
+    How to run:
+          --parallel <N>          Scenes at a time; results do not depend on it [default: the cores]
+          --pin                   Keep each worker with its nodes on a core of its own
+          --deadline <TIME>       How long an answer may take: 5s, 500ms [default: 5s]
+          --start-timeout <TIME>  How long nodes may take to start [default: 20s]
     --- stderr
     ");
     insta::assert_snapshot!(sim(folder.path(), &["table", "-h"]), @"
@@ -171,6 +214,38 @@ fn what_makes_no_sense_is_refused_with_code_2_and_a_hint() {
     --- stderr
     error: there is no nowhere
     hint: paths are relative to the folder that the command is called in; the word demo means the built-in scenes
+    ");
+    insta::assert_snapshot!(sim(path, &["evaluate", "--drivers", "idm"]), @"
+    code 2
+    --- stdout
+    --- stderr
+    error: the following required arguments were not provided:
+      --open-loop
+
+    Usage: sim evaluate --open-loop --drivers <NAME,...> [PATH]...
+
+    For more information, try '--help'.
+    ");
+    insta::assert_snapshot!(sim(path, &["evaluate", "--open-loop"]), @"
+    code 2
+    --- stdout
+    --- stderr
+    error: nobody is asked
+    hint: --drivers dipp,idm or --planner-command COMMAND
+    ");
+    insta::assert_snapshot!(sim(path, &["evaluate", "--open-loop", "--drivers", "idm,idm"]), @"
+    code 2
+    --- stdout
+    --- stderr
+    error: two rows of the table would be called idm
+    hint: name each driver once; --label names a planner of your own
+    ");
+    insta::assert_snapshot!(sim(path, &["evaluate", "--open-loop", "--drivers", "idm", "--weights", "dipp=x"]), @"
+    code 2
+    --- stdout
+    --- stderr
+    error: --weights dipp= names no driver of --drivers
+    hint: --weights FILE gives a file to all that have the network
     ");
     insta::assert_snapshot!(sim(path, &["table", "."]), @"
     code 2

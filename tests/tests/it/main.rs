@@ -16,6 +16,7 @@
 //! | `replay.rs` | `sim replay` finds what was driven the same, and names what is not |
 //! | `pause.rs` | a run that stands still for a while comes out as if it had not |
 //! | `network.rs` | the repository's weights are whole, and drive; the authors' drive as in their simulator |
+//! | `open_loop.rs` | plans that are not driven are worth what the authors' test says; a frame costs no other |
 //! | `paper.rs` | under `paper` the nodes get the authors' numbers |
 //! | `real_scenes.rs` | real scenes come to a result, where they are at hand |
 //! | `stage.rs`, `recording.rs` | what they share: running programs, comparing folders, reading MCAP |
@@ -30,6 +31,7 @@ mod interrupt;
 mod killed;
 mod network;
 mod nodes;
+mod open_loop;
 mod paper;
 mod pause;
 mod planner_command;
