@@ -195,7 +195,7 @@ pub struct MatrixArgs {
     pub format: TableFormat,
 }
 
-/// Who drives in a matrix: `[LABEL:]DRIVER[=WEIGHTS]`.
+/// Who drives or is asked beside others: `[LABEL:]DRIVER[=WEIGHTS]`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entrant {
     /// What tables call it.
@@ -235,10 +235,9 @@ pub struct EvaluateArgs {
     #[arg(long, value_name = "PATH", num_args = 1.., conflicts_with = "paths", help_heading = "What to ask")]
     pub scenarios: Vec<String>,
 
-    /// Who is asked, a line of the table each: names as `sim run --driver` takes them
-    #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_parser = driver_names(), hide_possible_values = true,
-          help_heading = "What to ask")]
-    pub drivers: Vec<String>,
+    /// Who is asked, a line of the table each: drivers of `sim run`, each [LABEL:]DRIVER[=WEIGHTS]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', help_heading = "What to ask")]
+    pub drivers: Vec<Entrant>,
 
     /// A planner of your own, as for `sim run`, a line more
     #[arg(long, value_name = "COMMAND", help_heading = "What to ask")]
@@ -251,10 +250,6 @@ pub struct EvaluateArgs {
     /// Where predictions come from [default: what each driver wants]
     #[arg(long, value_name = "NAME", help_heading = "What to ask")]
     pub predictor: Option<Predictor>,
-
-    /// Weights of the prediction network, for all drivers that have it or for one; may be repeated
-    #[arg(long, value_name = "[DRIVER=]FILE", help_heading = "What to ask")]
-    pub weights: Vec<String>,
 
     /// How the network's features are made, as for `sim run`
     #[arg(long, value_name = "STYLE", value_parser = ["authors", "mended"], help_heading = "What to ask")]

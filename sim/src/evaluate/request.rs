@@ -8,7 +8,7 @@ use evaluation::open_loop::table::Format;
 use results::drivers::{self, Predictor};
 use thiserror::Error;
 
-use crate::cli::{EvaluateArgs, RunArgs};
+use crate::cli::{Entrant, EvaluateArgs, RunArgs};
 use crate::request::{Request, RequestError};
 
 /// Drivers, scenes, definitions.
@@ -37,11 +37,7 @@ pub enum EvaluationError {
     )]
     Twice(String),
     #[error(
-        "--weights {0}= names no driver of --drivers\nhint: --weights FILE gives a file to all that have the network"
-    )]
-    WeightsOfNobody(String),
-    #[error(
-        "no driver of --drivers has the predictor network, so --weights and --features say nothing\nhint: leave them out, or add --drivers dipp"
+        "no driver of --drivers has the predictor network, so --features says nothing\nhint: leave it out, or add --drivers dipp"
     )]
     NoNetwork,
     #[error("nobody is asked\nhint: --drivers dipp,idm or --planner-command COMMAND")]
@@ -59,7 +55,7 @@ struct Words {
 
 /// Who is asked.
 enum Who<'a> {
-    Driver(&'a str),
+    Driver(&'a Entrant),
     Own(&'a str),
 }
 
@@ -69,17 +65,16 @@ impl Evaluation {
     /// # Errors
     /// [`EvaluationError`].
     pub fn resolve(arguments: EvaluateArgs, cores: u16) -> Result<Self, EvaluationError> {
-        let named = arguments.drivers.iter().map(|name| Who::Driver(name));
+        let named = arguments.drivers.iter().map(Who::Driver);
         let everybody = named.chain(arguments.planner_command.as_deref().map(Who::Own));
-        let weights = Weights::of(&arguments)?;
         let mut networks = 0;
         let mut requests: Vec<Request> = Vec::new();
         for who in everybody {
             let has_network = arguments.predictor == Some(Predictor::Network)
-                || matches!(who, Who::Driver(name)
-                    if drivers::find(name).is_some_and(|row| row.predictor == Predictor::Network));
+                || matches!(who, Who::Driver(entrant)
+                    if drivers::find(&entrant.driver).is_some_and(|row| row.predictor == Predictor::Network));
             networks += usize::from(has_network);
-            let words = words(&arguments, &who, has_network, &weights);
+            let words = words(&arguments, &who, has_network);
             let run = Words::try_parse_from(words)?.run;
             let request = Request::resolve(run, cores)?;
             if requests.iter().any(|other| other.settings.driver == request.settings.driver) {
@@ -90,7 +85,7 @@ impl Evaluation {
         if requests.is_empty() {
             return Err(EvaluationError::Nobody);
         }
-        if networks == 0 && (!arguments.weights.is_empty() || arguments.features.is_some()) {
+        if networks == 0 && arguments.features.is_some() {
             return Err(EvaluationError::NoNetwork);
         }
         Ok(Self {
@@ -103,43 +98,19 @@ impl Evaluation {
     }
 }
 
-/// Files of weights: for one driver, or for all.
-struct Weights {
-    of: Vec<(Option<String>, String)>,
-}
-
-impl Weights {
-    fn of(arguments: &EvaluateArgs) -> Result<Self, EvaluationError> {
-        let mut of = Vec::new();
-        for given in &arguments.weights {
-            // A file's name may hold the sign itself.
-            match given.split_once('=') {
-                Some((driver, file)) if drivers::find(driver).is_some() => {
-                    if !arguments.drivers.iter().any(|name| name == driver) {
-                        return Err(EvaluationError::WeightsOfNobody(driver.to_owned()));
-                    }
-                    of.push((Some(driver.to_owned()), file.to_owned()));
-                }
-                _ => of.push((None, given.clone())),
-            }
-        }
-        Ok(Self { of })
-    }
-
-    /// The driver's own file, or that of all; of several the last.
-    fn file(&self, driver: Option<&str>) -> Option<&str> {
-        let own = |(of, _): &&(Option<String>, String)| of.is_some() && of.as_deref() == driver;
-        let of_all = |(of, _): &&(Option<String>, String)| of.is_none();
-        let found = self.of.iter().rev().find(own).or_else(|| self.of.iter().rev().find(of_all));
-        found.map(|(_, file)| file.as_str())
-    }
-}
-
-fn words(arguments: &EvaluateArgs, who: &Who<'_>, has_network: bool, weights: &Weights) -> Vec<String> {
+fn words(arguments: &EvaluateArgs, who: &Who<'_>, has_network: bool) -> Vec<String> {
     let mut words = vec!["evaluate".to_owned()];
     let mut say = |option: &str, value: &str| words.extend([option.to_owned(), value.to_owned()]);
     match who {
-        Who::Driver(name) => say("--driver", name),
+        Who::Driver(Entrant { label, driver, weights }) => {
+            say("--driver", driver);
+            if label != driver {
+                say("--label", label);
+            }
+            if let Some(file) = weights {
+                say("--weights", &file.to_string_lossy());
+            }
+        }
         Who::Own(command) => {
             say("--planner-command", command);
             if let Some(label) = &arguments.label {
@@ -163,17 +134,8 @@ fn words(arguments: &EvaluateArgs, who: &Who<'_>, has_network: bool, weights: &W
     if let Some(predictor) = arguments.predictor {
         say("--predictor", predictor_name(predictor));
     }
-    if has_network {
-        let driver = match who {
-            Who::Driver(name) => Some(*name),
-            Who::Own(_) => None,
-        };
-        if let Some(file) = weights.file(driver) {
-            say("--weights", file);
-        }
-        if let Some(features) = &arguments.features {
-            say("--features", features);
-        }
+    if let Some(features) = arguments.features.as_ref().filter(|_| has_network) {
+        say("--features", features);
     }
     if arguments.pin {
         words.push("--pin".to_owned());
@@ -220,15 +182,16 @@ mod tests {
     }
 
     #[test]
-    fn weights_are_for_one_driver_or_for_all_that_have_the_network() {
+    fn a_driver_may_have_weights_and_a_label() {
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml");
         let other = concat!(env!("CARGO_MANIFEST_DIR"), "/src/lib.rs");
-        let line = format!("--drivers dipp,sep,il-pred,idm --weights dipp={file} --weights {other} --features authors");
+        let line = format!("--drivers dipp={file},sep={other},again:sep={file},idm --features authors");
         let requests = resolve(&line).unwrap().requests;
         let weights: Vec<_> = requests.iter().map(|request| request.machine.weights.as_deref()).collect();
-        assert_eq!(weights, [Some(file), Some(other), Some(other), None]);
-        assert!(matches!(resolve("--drivers idm --weights x"), Err(EvaluationError::NoNetwork)));
-        assert!(matches!(resolve("--drivers idm --weights sep=x"), Err(EvaluationError::WeightsOfNobody(_))));
+        assert_eq!(weights, [Some(file), Some(other), Some(file), None]);
+        assert_eq!(requests[2].settings.driver, "again");
+        assert!(matches!(resolve("--drivers idm --features mended"), Err(EvaluationError::NoNetwork)));
+        assert!(matches!(resolve("--drivers idm=x"), Err(EvaluationError::Driver(RequestError::NoNetwork(_)))));
         assert!(matches!(resolve("--drivers sep"), Err(EvaluationError::Driver(RequestError::NeedsWeights { .. }))));
     }
 

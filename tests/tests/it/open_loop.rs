@@ -48,8 +48,8 @@ fn plans_over_the_authors_weights_are_worth_what_the_authors_test_says() {
     let (Some(trained), Some(scenes)) = (shared("dipp/trained"), shared("data/womd-derived/20s")) else { return };
     let stage = Stage::new();
     stage.good_sim(&format!(
-        "evaluate --open-loop --definitions authors --features authors --drivers dipp,sep,il-pred --weights dipp={dipp} \
-         --weights {sep} --scenarios {scenes} --out frames.parquet",
+        "evaluate --open-loop --definitions authors --features authors --drivers dipp={dipp},sep={sep},il-pred={sep} \
+         --scenarios {scenes} --out frames.parquet",
         dipp = trained.join("dipp42.f16.safetensors").display(),
         sep = trained.join("sep42.f16.safetensors").display(),
         scenes = scenes.display(),
