@@ -1,16 +1,17 @@
 //! Parquet files: the same rows are the same bytes, and they are read back for tables.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float64Type, UInt32Type};
-use arrow_array::{Array, RecordBatch};
+use arrow_array::{Array, BooleanArray, RecordBatch};
 use arrow_schema::{DataType, SchemaRef};
-use parquet::arrow::ArrowWriter;
+use arrow_select::filter::filter_record_batch;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+use parquet::arrow::{ArrowWriter, ProjectionMask};
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::file::properties::WriterProperties;
 use thiserror::Error;
@@ -88,6 +89,32 @@ impl Table {
         Ok(Self { path: path.to_owned(), batches })
     }
 
+    /// Reads these columns of `path`, in the rows of these scenes alone: a file of steps is large. A column that is not there is
+    /// missed when it is asked for.
+    ///
+    /// # Errors
+    /// [`ParquetError`].
+    pub fn read_of(path: &Path, columns: &[&str], scenes: &BTreeSet<&str>) -> Result<Self, ParquetError> {
+        let file = File::open(path).map_err(at("open", path))?;
+        let format = |source| ParquetError::Format { path: path.to_owned(), source };
+        let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(format)?;
+        let named = std::iter::once("scene").chain(columns.iter().copied());
+        let mask = ProjectionMask::columns(builder.parquet_schema(), named);
+        let reader = builder.with_projection(mask).build().map_err(format)?;
+        let mut table = Self { path: path.to_owned(), batches: Vec::new() };
+        for batch in reader {
+            let batch = batch?;
+            let one = Self { path: path.to_owned(), batches: vec![batch] };
+            let wanted: Vec<bool> = one.text("scene")?.iter().map(|scene| scenes.contains(scene.as_str())).collect();
+            if wanted.contains(&true) {
+                let kept =
+                    one.batches.iter().map(|batch| filter_record_batch(batch, &BooleanArray::from(wanted.clone())));
+                table.batches.extend(kept.collect::<Result<Vec<_>, _>>()?);
+            }
+        }
+        Ok(table)
+    }
+
     /// All rows together; none where it has no row.
     ///
     /// # Errors
@@ -147,5 +174,33 @@ impl Table {
             all.extend(values(array.as_ref()));
         }
         Ok(all)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use arrow_array::{ArrayRef, Float64Array, StringArray};
+
+    use super::*;
+
+    #[test]
+    fn of_some_scenes_some_columns_are_read() {
+        let root = tempfile::tempdir().unwrap();
+        let path = root.path().join("steps.parquet");
+        // Many batches, as a reader hands them out.
+        let scenes: Vec<String> = (0..5_000).map(|row| format!("s{}", row % 50)).collect();
+        let numbers = || -> ArrayRef { Arc::new(Float64Array::from_iter_values((0..5_000).map(f64::from))) };
+        let columns: [(&str, ArrayRef); 3] =
+            [("scene", Arc::new(StringArray::from(scenes))), ("x", numbers()), ("y", numbers())];
+        let batch = RecordBatch::try_from_iter(columns).unwrap();
+        write(&path, batch.schema(), [Ok(batch)]).unwrap();
+        let table = Table::read_of(&path, &["y", "nowhere"], &BTreeSet::from(["s7", "s49", "no"])).unwrap();
+        assert_eq!(table.text("scene").unwrap()[..3], ["s7", "s49", "s7"]);
+        let read = table.numbers().unwrap();
+        assert_eq!(read.keys().collect::<Vec<_>>(), ["y"]);
+        assert_eq!((read["y"].len(), read["y"][2]), (200, Some(57.0)));
+        assert!(matches!(table.flags("nowhere"), Err(ParquetError::Column { .. })));
     }
 }
