@@ -6,6 +6,8 @@ use std::time::Duration;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use evaluation::compare::CompareFormat;
+use evaluation::compare::gate::FailOn;
 use evaluation::open_loop::{Definitions, table};
 use evaluation::table::TableFormat;
 use results::drivers::{self, DRIVERS, MotionName, Predictor};
@@ -39,6 +41,10 @@ pub enum Command {
     Evaluate(Box<EvaluateArgs>),
     /// Print the tables of finished runs
     Table(TableArgs),
+    /// Compare two finished runs: what flipped, what moved, what may be chance
+    ///
+    /// A is the baseline, B the candidate. Exits with 1 when a --fail-on rule is broken. docs/compare.md defines every figure.
+    Compare(CompareArgs),
     /// Score the predictions of recorded drives against what the agents then did
     Predictions(PredictionsArgs),
     /// Drive recorded episodes again by their plans, and say whether all is the same
@@ -332,6 +338,30 @@ pub struct ReplayArgs {
     /// These episodes alone
     #[arg(long, value_name = "ID", value_delimiter = ',')]
     pub episodes: Vec<String>,
+}
+
+/// `sim compare`.
+#[derive(Debug, Args)]
+pub struct CompareArgs {
+    /// Folder of the finished run that is compared with, the baseline
+    #[arg(value_name = "A")]
+    pub baseline: PathBuf,
+    /// Folder of the finished run that is judged, the candidate
+    #[arg(value_name = "B")]
+    pub candidate: PathBuf,
+    /// Exit with 1 if: new-failures (a scene goes from pass to fail), missing-scenes (A has scenes that B has not), 'METRIC>X' or
+    /// 'METRIC<X' (mean of B - A, in the column's unit, or as X% of A's mean); in quotes, as often as you like
+    #[arg(long, value_name = "RULE", value_parser = FailOn::from_str)]
+    pub fail_on: Vec<FailOn>,
+    /// How to print
+    #[arg(long, value_enum, default_value_t)]
+    pub format: CompareFormat,
+    /// Write JUnit XML too: a test case a scene, a failure for each new one
+    #[arg(long, value_name = "FILE")]
+    pub junit: Option<PathBuf>,
+    /// What draws the resamples of the intervals
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
 }
 
 /// `sim verify`.

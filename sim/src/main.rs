@@ -1,17 +1,21 @@
 //! `sim`: drives an autonomous vehicle through logged traffic, and tells how well it drove.
 //!
 //! Results go to standard output, everything else to standard error. Exit codes: 0 done; 1 done, with episodes that failed or
-//! are not recorded whole; 2 usage or unusable input; 130 interrupted.
+//! are not recorded whole, or a comparison that broke a rule; 2 usage or unusable input; 130 interrupted.
 
-use std::io;
+use std::io::{self, Write as _};
 use std::num::NonZero;
 use std::process::ExitCode;
 use std::thread;
 
+use evaluation::compare::{CompareFormat, compare, gate, json, junit, markdown, text};
 use evaluation::scenes::{self, Scenes};
 use evaluation::table::{self, TableFormat};
+use results::files;
 use results::summary::{Summary, SummaryError};
-use sim::cli::{Cli, Command, EvaluateArgs, MatrixArgs, PredictionsArgs, ReplayArgs, RunArgs, TableArgs, VerifyArgs};
+use sim::cli::{
+    Cli, Command, CompareArgs, EvaluateArgs, MatrixArgs, PredictionsArgs, ReplayArgs, RunArgs, TableArgs, VerifyArgs,
+};
 use sim::evaluate::request::Evaluation;
 use sim::matrix;
 use sim::predictions;
@@ -34,6 +38,7 @@ fn main() -> ExitCode {
         Command::Matrix(arguments) => drive_matrix(&arguments, clock, &console),
         Command::Evaluate(arguments) => evaluate(*arguments, clock, &console),
         Command::Table(arguments) => print_tables(&arguments, &console),
+        Command::Compare(arguments) => print_comparison(&arguments),
         Command::Predictions(arguments) => print_predictions(&arguments, &console),
         Command::Replay(arguments) => replay_runs(&arguments),
         Command::Verify(arguments) => print_verdict(&arguments),
@@ -134,6 +139,22 @@ fn print_tables(arguments: &TableArgs, console: &Console) -> anyhow::Result<Exit
     }
     terminal::say(&scenes::render(&by_scene, arguments.format, width()))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Prints what differs between two runs; a rule that is broken makes the exit code.
+fn print_comparison(arguments: &CompareArgs) -> anyhow::Result<ExitCode> {
+    let comparison = compare(&arguments.baseline, &arguments.candidate, arguments.seed)?;
+    let gates = gate::check(&comparison, &arguments.fail_on)?;
+    if let Some(path) = &arguments.junit {
+        let report = junit::render(&comparison, &gates)?;
+        files::write_whole(path, |file| file.write_all(report.as_bytes()))?;
+    }
+    terminal::say(&match arguments.format {
+        CompareFormat::Text => text::render(&comparison, &gates, width()),
+        CompareFormat::Markdown => markdown::render(&comparison, &gates),
+        CompareFormat::Json => json::render(&comparison, &gates)?,
+    })?;
+    Ok(if gates.iter().any(|gate| gate.hit) { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
 /// Columns of the terminal; where there is none, what `COLUMNS` says, else 80.

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
+mod compare;
+
 use std::path::Path;
 use std::process::Command;
 
@@ -34,6 +36,7 @@ fn help_says_what_can_be_typed() {
       matrix       Drive scenes with several drivers, and print one table
       evaluate     Ask drivers for plans at frames of the log and judge them, without driving
       table        Print the tables of finished runs
+      compare      Compare two finished runs: what flipped, what moved, what may be chance
       predictions  Score the predictions of recorded drives against what the agents then did
       replay       Drive recorded episodes again by their plans, and say whether all is the same
       verify       Hold the protocol `paper` to vectors of the authors' simulator
@@ -162,6 +165,7 @@ fn help_says_what_can_be_typed() {
       -h, --help             Print help (see more with '--help')
     --- stderr
     ");
+    insta::assert_snapshot!(sim(folder.path(), &["compare", "-h"]));
 }
 
 #[test]
