@@ -33,7 +33,7 @@ pub enum EvaluationError {
     #[error(transparent)]
     Driver(#[from] RequestError),
     #[error(
-        "two rows of the table would be called {0}\nhint: name each driver once; --label names a planner of your own"
+        "two rows of the table would be called {0}\nhint: LABEL:DRIVER gives one another name, and --label a planner of your own"
     )]
     Twice(String),
     #[error(

@@ -119,14 +119,12 @@ fn help_says_what_can_be_typed() {
 
     What to ask:
           --scenarios <PATH>...        Scenes, as PATH is; takes all that follows up to the next option
-          --drivers <NAME,...>         Who is asked, a line of the table each: names as `sim run
-                                       --driver` takes them
+          --drivers <NAMES>            Who is asked, a line of the table each: drivers of `sim run`,
+                                       each [LABEL:]DRIVER[=WEIGHTS]
           --planner-command <COMMAND>  A planner of your own, as for `sim run`, a line more
           --label <NAME>               What the table calls your own planner [default: command]
           --predictor <NAME>           Where predictions come from [default: what each driver wants]
                                        [possible values: none, ctrv, oracle, network]
-          --weights <[DRIVER=]FILE>    Weights of the prediction network, for all drivers that have it
-                                       or for one; may be repeated
           --features <STYLE>           How the network's features are made, as for `sim run` [possible
                                        values: authors, mended]
           --definitions <DEFINITIONS>  By whose definitions plans are judged, and under whose protocol
@@ -226,7 +224,7 @@ fn what_makes_no_sense_is_refused_with_code_2_and_a_hint() {
     error: the following required arguments were not provided:
       --open-loop
 
-    Usage: sim evaluate --open-loop --drivers <NAME,...> [PATH]...
+    Usage: sim evaluate --open-loop --drivers <NAMES> [PATH]...
 
     For more information, try '--help'.
     ");
@@ -242,14 +240,14 @@ fn what_makes_no_sense_is_refused_with_code_2_and_a_hint() {
     --- stdout
     --- stderr
     error: two rows of the table would be called idm
-    hint: name each driver once; --label names a planner of your own
+    hint: LABEL:DRIVER gives one another name, and --label a planner of your own
     ");
-    insta::assert_snapshot!(sim(path, &["evaluate", "--open-loop", "--drivers", "idm", "--weights", "dipp=x"]), @"
+    insta::assert_snapshot!(sim(path, &["evaluate", "--open-loop", "--drivers", "idm=x"]), @"
     code 2
     --- stdout
     --- stderr
-    error: --weights dipp= names no driver of --drivers
-    hint: --weights FILE gives a file to all that have the network
+    error: --weights and --features are for the predictor network, and the driver idm has another
+    hint: --predictor network, or one of dipp, sep, il-pred, il
     ");
     insta::assert_snapshot!(sim(path, &["table", "."]), @"
     code 2
