@@ -160,7 +160,7 @@ pub struct MatrixArgs {
     #[arg(long, value_name = "PATH", num_args = 1.., conflicts_with = "paths", help_heading = "What to drive")]
     pub scenarios: Vec<String>,
 
-    /// Who drives: drivers of `sim run`, each [LABEL:]DRIVER[=WEIGHTS], as idm,sep=weights/il-pred.f16.safetensors
+    /// Who drives: drivers of `sim run`, each `[LABEL:]DRIVER[=WEIGHTS]`, as idm,sep=weights/il-pred.f16.safetensors
     #[arg(long, required = true, value_delimiter = ',', value_name = "NAMES", help_heading = "What to drive")]
     pub drivers: Vec<Entrant>,
 
@@ -241,7 +241,7 @@ pub struct EvaluateArgs {
     #[arg(long, value_name = "PATH", num_args = 1.., conflicts_with = "paths", help_heading = "What to ask")]
     pub scenarios: Vec<String>,
 
-    /// Who is asked, a line of the table each: drivers of `sim run`, each [LABEL:]DRIVER[=WEIGHTS]
+    /// Who is asked, a line of the table each: drivers of `sim run`, each `[LABEL:]DRIVER[=WEIGHTS]`
     #[arg(long, value_name = "NAMES", value_delimiter = ',', help_heading = "What to ask")]
     pub drivers: Vec<Entrant>,
 

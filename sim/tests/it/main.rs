@@ -120,7 +120,7 @@ fn help_says_what_can_be_typed() {
     What to ask:
           --scenarios <PATH>...        Scenes, as PATH is; takes all that follows up to the next option
           --drivers <NAMES>            Who is asked, a line of the table each: drivers of `sim run`,
-                                       each [LABEL:]DRIVER[=WEIGHTS]
+                                       each `[LABEL:]DRIVER[=WEIGHTS]`
           --planner-command <COMMAND>  A planner of your own, as for `sim run`, a line more
           --label <NAME>               What the table calls your own planner [default: command]
           --predictor <NAME>           Where predictions come from [default: what each driver wants]
