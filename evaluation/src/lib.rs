@@ -7,11 +7,13 @@
 //! | [`compare`](mod@compare) | two runs over the same scenes: flips, figures, what may be chance |
 //! | [`open_loop`] | plans held to the log, frame by frame, and never driven: by the paper's definitions and by mended ones |
 //! | [`predictions`] | predictions made in a drive against what the agents then did |
+//! | [`recorded`] | a recording's messages, for both of these |
 //! | [`replay`] | an episode driven again by the plans of its recording |
 
 pub mod compare;
 pub mod open_loop;
 pub mod predictions;
+pub mod recorded;
 pub mod replay;
 pub mod scenes;
 pub mod table;

@@ -1,5 +1,7 @@
 //! Runs side by side, a line each, as in the paper's Table II. Never two protocols in one table.
 
+use std::ops::Range;
+
 use clap::ValueEnum;
 use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, presets};
 use episode::metrics::authors;
@@ -156,21 +158,27 @@ fn columns_of(runs: &[&Summary]) -> Vec<&'static Column> {
 
 fn text(runs: &[&Summary], width: usize) -> String {
     let all = columns_of(runs);
+    let body = |range: Range<usize>| body(runs, &all[range.clone()], range.start == 0, "\n");
+    format!("{}\n\n{}\n{}", title(runs), folded(all.len(), width, body), notes(runs, ""))
+}
+
+/// Blocks of the columns, one below the other, none of them wider than `width` if one column is not.
+pub(crate) fn folded(columns: usize, width: usize, body: impl Fn(Range<usize>) -> Table) -> String {
     let (mut blocks, mut begin) = (Vec::new(), 0);
-    while begin < all.len() || blocks.is_empty() {
-        let counts = blocks.is_empty();
-        let lines = |end: usize| lines(body(runs, &all[begin..end], counts, "\n"));
+    while begin < columns || blocks.is_empty() {
+        let lines = |end: usize| plain(body(begin..end));
         let fits = |end: &usize| lines(*end).iter().all(|line| line.chars().count() <= width);
         // At least one column, however narrow the terminal.
-        let least = (begin + 1).min(all.len());
-        let end = (least..=all.len()).rev().find(fits).unwrap_or(least);
+        let least = (begin + 1).min(columns);
+        let end = (least..=columns).rev().find(fits).unwrap_or(least);
         blocks.push(lines(end).join("\n"));
         begin = end;
     }
-    format!("{}\n\n{}\n{}", title(runs), blocks.join("\n\n"), notes(runs, ""))
+    blocks.join("\n\n")
 }
 
-fn lines(mut table: Table) -> Vec<String> {
+/// A table's lines for the terminal.
+pub(crate) fn plain(mut table: Table) -> Vec<String> {
     table.load_preset(presets::NOTHING);
     table.set_style(comfy_table::TableComponent::HeaderLines, '─');
     for column in table.column_iter_mut() {

@@ -59,6 +59,9 @@ pub enum Command {
     Verify(VerifyArgs),
 }
 
+/// How long an answer may take unless somebody says otherwise: what `--deadline` has as its default.
+const DEADLINE: Duration = Duration::from_secs(5);
+
 /// `sim run`.
 #[derive(Debug, Args)]
 pub struct RunArgs {
@@ -147,6 +150,37 @@ pub struct RunArgs {
     /// Say on standard error where the time went
     #[arg(long, help_heading = "How to run")]
     pub timing: bool,
+}
+
+impl RunArgs {
+    /// A run of this driver as it is left to itself, with nothing recorded.
+    #[must_use]
+    pub fn of(entrant: &Entrant) -> Self {
+        let Entrant { label, driver, weights } = entrant.clone();
+        Self {
+            label: (label != driver).then_some(label),
+            driver,
+            weights,
+            record: Record::None,
+            paths: Vec::new(),
+            scenarios: Vec::new(),
+            predictor: None,
+            features: None,
+            planner_command: None,
+            planner: None,
+            protocol: ProtocolName::default(),
+            set: Vec::new(),
+            motion: None,
+            out: None,
+            retry: Vec::new(),
+            parallel: None,
+            pin: false,
+            deadline: DEADLINE,
+            start_timeout: None,
+            endpoint: None,
+            timing: false,
+        }
+    }
 }
 
 /// `sim matrix`.
@@ -454,6 +488,14 @@ mod tests {
         assert_eq!("sep=a/b=c".parse(), Ok(entrant("sep", "sep", Some("a/b=c"))));
         assert_eq!("seed-43:dipp=x:y".parse(), Ok(entrant("seed-43", "dipp", Some("x:y"))));
         assert!("nobody".parse::<Entrant>().unwrap_err().contains("idm"));
+    }
+
+    #[test]
+    fn a_run_of_an_entrant_is_that_of_the_command_line() {
+        let Command::Run(typed) = Cli::parse_from(["sim", "run", "--driver", "idm", "--record", "none"]).command else {
+            panic!("not a run")
+        };
+        assert_eq!(format!("{typed:?}"), format!("{:?}", RunArgs::of(&"idm".parse().unwrap())));
     }
 
     #[test]

@@ -168,7 +168,7 @@ fn width() -> usize {
 fn print_predictions(arguments: &PredictionsArgs, console: &Console) -> anyhow::Result<ExitCode> {
     let mut runs = Vec::new();
     for folder in &arguments.runs {
-        let run = predictions::of_run(folder, cores())?;
+        let run = predictions::of_run(folder)?;
         if run.unrecorded > 0 {
             console.line(&format!("note: {} has no recording of {} episodes", folder.display(), run.unrecorded));
         }
@@ -181,7 +181,7 @@ fn print_predictions(arguments: &PredictionsArgs, console: &Console) -> anyhow::
 fn replay_runs(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let mut is_same = true;
     for folder in &arguments.runs {
-        let replayed = replay::run(folder, arguments, cores())?;
+        let replayed = replay::run(folder, arguments)?;
         terminal::say(&replayed.text)?;
         is_same &= replayed.is_same;
     }

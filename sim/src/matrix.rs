@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use scenarios::SceneSet;
 use thiserror::Error;
 
-use crate::cli::{Entrant, MatrixArgs, RunArgs};
+use crate::cli::{Entrant, MatrixArgs, ProtocolName, RunArgs};
 use crate::request::{Request, RequestError};
 use crate::run::clock::WallClock;
 use crate::run::console::Console;
@@ -33,32 +33,21 @@ pub fn requests(arguments: &MatrixArgs, cores: u16) -> Result<Vec<Request>, Matr
         return Err(MatrixError::Twice(entrant.label.clone()));
     }
     let cells = arguments.protocols.iter().flat_map(|protocol| arguments.drivers.iter().map(move |it| (protocol, it)));
-    let request = |(protocol, entrant): (&_, &Entrant)| {
+    let request = |(protocol, entrant): (&ProtocolName, &Entrant)| {
         let label = entrant.label.clone();
-        let mut run = RunArgs {
+        let run = RunArgs {
             paths: arguments.paths.clone(),
             scenarios: arguments.scenarios.clone(),
-            driver: entrant.driver.clone(),
-            weights: entrant.weights.clone(),
-            label: (entrant.label != entrant.driver).then(|| label.clone()),
             protocol: *protocol,
             set: arguments.set.clone(),
+            out: Some(arguments.out.join(format!("{label}-{}", protocol.name()))),
             retry: arguments.retry.clone(),
             record: arguments.record,
             parallel: arguments.parallel,
             pin: arguments.pin,
             deadline: arguments.deadline,
-            out: None,
-            predictor: None,
-            features: None,
-            planner_command: None,
-            planner: None,
-            motion: None,
-            start_timeout: None,
-            endpoint: None,
-            timing: false,
+            ..RunArgs::of(entrant)
         };
-        run.out = Some(arguments.out.join(format!("{label}-{}", protocol.name())));
         Request::resolve(run, cores).map_err(|source| MatrixError::Request { label, source })
     };
     cells.map(request).collect()

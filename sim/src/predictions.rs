@@ -1,11 +1,10 @@
 //! `sim predictions`: all recordings of a run.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
-use std::thread;
 
-use evaluation::predictions::{Figures, PredictionsError};
+use evaluation::predictions::Figures;
+use evaluation::recorded::RecordedError;
+use rayon::prelude::*;
 use recording::LoadError;
 use results::folder::{FolderError, read_run_file};
 use thiserror::Error;
@@ -25,7 +24,7 @@ pub enum RunPredictionsError {
     #[error(transparent)]
     Load(#[from] LoadError),
     #[error("{}: {source}", path.display())]
-    Recording { path: PathBuf, source: PredictionsError },
+    Recording { path: PathBuf, source: RecordedError },
 }
 
 /// What came of a run.
@@ -41,7 +40,7 @@ pub struct Scored {
 ///
 /// # Errors
 /// [`RunPredictionsError`], of the first recording that cannot be used.
-pub fn of_run(folder: &Path, cores: u16) -> Result<Scored, RunPredictionsError> {
+pub fn of_run(folder: &Path) -> Result<Scored, RunPredictionsError> {
     let file = read_run_file(folder)?.ok_or_else(|| RunPredictionsError::NoRun(folder.to_owned()))?;
     if file.settings.predictor.is_none() {
         return Err(RunPredictionsError::NoPredictor(folder.to_owned()));
@@ -51,30 +50,13 @@ pub fn of_run(folder: &Path, cores: u16) -> Result<Scored, RunPredictionsError> 
     if paths.is_empty() {
         return Err(RunPredictionsError::NothingRecorded(folder.to_owned()));
     }
-    let next = AtomicUsize::new(0);
-    let scored: Vec<Mutex<Option<Result<Figures, RunPredictionsError>>>> =
-        paths.iter().map(|_| Mutex::default()).collect();
-    thread::scope(|scope| {
-        for _ in 0..cores.max(1) {
-            scope.spawn(|| {
-                while let Some((path, slot)) = at(&paths, &scored, next.fetch_add(1, Ordering::Relaxed)) {
-                    *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(of_recording(path));
-                }
-            });
-        }
-    });
+    let scored: Vec<_> = paths.par_iter().map(|path| of_recording(path)).collect();
     // In the order of the scenes: sums are the same for any number of cores.
     let mut figures = Figures::default();
-    for slot in scored {
-        if let Some(scored) = slot.into_inner().unwrap_or_else(PoisonError::into_inner) {
-            figures.merge(&scored?);
-        }
+    for one in scored {
+        figures.merge(&one?);
     }
     Ok(Scored { figures, unrecorded: file.scenes.len() - paths.len() })
-}
-
-fn at<'a, T>(paths: &'a [PathBuf], slots: &'a [T], index: usize) -> Option<(&'a PathBuf, &'a T)> {
-    Some((paths.get(index)?, slots.get(index)?))
 }
 
 fn of_recording(path: &Path) -> Result<Figures, RunPredictionsError> {

@@ -4,11 +4,9 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
-use std::thread;
 
 use evaluation::replay::{Recorded, Verdict, replay};
+use rayon::prelude::*;
 use results::folder::{FolderError, read_run_file};
 use results::parquet::{ParquetError, Table};
 use results::settings::RunFile;
@@ -55,7 +53,7 @@ enum Outcome {
 ///
 /// # Errors
 /// [`ReplayRunError`] where it has nothing to replay.
-pub fn run(folder: &Path, arguments: &ReplayArgs, cores: u16) -> Result<Replayed, ReplayRunError> {
+pub fn run(folder: &Path, arguments: &ReplayArgs) -> Result<Replayed, ReplayRunError> {
     let file = read_run_file(folder)?.ok_or_else(|| ReplayRunError::NoRun(folder.to_owned()))?;
     let from = if arguments.scenarios.is_empty() { &file.machine.scenarios } else { &arguments.scenarios };
     let scenes = SceneSet::open(from)?;
@@ -66,19 +64,7 @@ pub fn run(folder: &Path, arguments: &ReplayArgs, cores: u16) -> Result<Replayed
     let is_asked = |id: &String| arguments.episodes.is_empty() || arguments.episodes.contains(id);
     let asked: Vec<usize> = (0..file.scenes.len()).filter(|index| is_asked(&file.scenes[*index].id)).collect();
     let run = Run { folder, results: Results::read(folder)?, file, scenes };
-    let (next, outcomes) = (AtomicUsize::new(0), Mutex::new(BTreeMap::new()));
-    thread::scope(|scope| {
-        for _ in 0..cores.max(1) {
-            scope.spawn(|| {
-                while let Some(index) = asked.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let outcome = run.episode(*index);
-                    // Whoever panicked left a whole map.
-                    outcomes.lock().unwrap_or_else(PoisonError::into_inner).insert(*index, outcome);
-                }
-            });
-        }
-    });
-    let outcomes = outcomes.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let outcomes: Vec<(usize, Outcome)> = asked.into_par_iter().map(|index| (index, run.episode(index))).collect();
     run.told(&outcomes)
 }
 
@@ -115,7 +101,7 @@ impl Run<'_> {
         }
     }
 
-    fn told(&self, outcomes: &BTreeMap<usize, Outcome>) -> Result<Replayed, ReplayRunError> {
+    fn told(&self, outcomes: &[(usize, Outcome)]) -> Result<Replayed, ReplayRunError> {
         let (mut text, mut same, mut steps, mut differ, mut unrecorded) = (String::new(), 0, 0_u64, 0, 0);
         for (index, outcome) in outcomes {
             match outcome {

@@ -1,12 +1,12 @@
 //! A line a driver, and one of the human, over all frames.
 
 use clap::ValueEnum;
-use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, TableComponent, presets};
+use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, presets};
 use serde_json::{Map, Value, json};
 
 use super::Definitions;
 use super::row::{COLUMNS, Row};
-use crate::table::quoted;
+use crate::table::{folded, quoted};
 
 /// How `sim evaluate` prints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -144,24 +144,8 @@ pub fn render(drivers: &[Driven<'_>], definitions: Definitions, scenes: usize, f
     let title = format!("open loop, definitions {name}, {} of {}", plural(frames, "frame"), plural(scenes, "scene"));
     match format {
         Format::Text => {
-            let mut blocks = Vec::new();
-            let mut begin = 0;
-            while begin < heads.len() {
-                let drawn = |end: usize| {
-                    let mut table = body(&lines, &heads, begin..end, "\n");
-                    table.load_preset(presets::NOTHING);
-                    table.set_style(TableComponent::HeaderLines, '─');
-                    for column in table.column_iter_mut() {
-                        column.set_padding((0, 1));
-                    }
-                    table.lines().map(|line| line.trim_end().to_owned()).collect::<Vec<_>>()
-                };
-                let fits = |end: &usize| drawn(*end).iter().all(|line| line.chars().count() <= width);
-                let end = (begin + 1..=heads.len()).rev().find(fits).unwrap_or(begin + 1);
-                blocks.push(drawn(end).join("\n"));
-                begin = end;
-            }
-            format!("{title}\n\n{}\n{}", blocks.join("\n\n"), notes(drivers, &lines, ""))
+            let blocks = folded(heads.len(), width, |range| body(&lines, &heads, range, "\n"));
+            format!("{title}\n\n{blocks}\n{}", notes(drivers, &lines, ""))
         }
         Format::Markdown => {
             let mut table = body(&lines, &heads, 0..heads.len(), " ");

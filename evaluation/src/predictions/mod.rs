@@ -13,8 +13,6 @@ mod table;
 use std::collections::BTreeMap;
 
 use prost::Message as _;
-use recording::{Event, NotMcap, Reader, TOPICS};
-use thiserror::Error;
 use wire::proto;
 use world::geometry::Point;
 use world::observation::Observation;
@@ -22,6 +20,8 @@ use world::plan::{Future, PLAN_STEPS, Prediction, UncheckedPrediction};
 use world::scene::{AgentKind, TrackId};
 
 pub use table::render;
+
+use crate::recorded::{RecordedError, messages};
 
 /// Seconds after which errors are told one by one.
 pub const HORIZONS: [usize; 3] = [1, 3, 5];
@@ -31,18 +31,6 @@ pub const MISS: f64 = 2.0;
 pub const BINS: usize = 10;
 /// Observations a second.
 const RATE: usize = 10;
-
-/// A recording that predictions cannot be read from.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the messages say it")]
-pub enum PredictionsError {
-    #[error(transparent)]
-    NotMcap(#[from] NotMcap),
-    #[error("it is damaged: {0}\nhint: `recorder info` tells what of it can be read")]
-    Damaged(String),
-    #[error("its message on {topic} at byte {at} cannot be used: {why}")]
-    Message { topic: String, at: u64, why: String },
-}
 
 /// A sum over cases.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -115,33 +103,26 @@ impl Figures {
     /// Those of a recording, an MCAP file.
     ///
     /// # Errors
-    /// [`PredictionsError`].
-    pub fn of_recording(bytes: &[u8]) -> Result<Self, PredictionsError> {
-        let mut reader = Reader::new(bytes)?;
+    /// [`RecordedError`].
+    pub fn of_recording(bytes: &[u8]) -> Result<Self, RecordedError> {
         let (mut seen, mut predictions) = (BTreeMap::new(), Vec::new());
-        while let Some(event) = reader.next() {
-            let message = match event {
-                Event::Message(message) => message,
-                Event::Damage(damage) => return Err(PredictionsError::Damaged(damage.to_string())),
-                Event::Metadata { .. } | Event::Channel(_) => continue,
-            };
-            let topic = message.channel.topic.as_str();
-            let wrong = |why: String| PredictionsError::Message { topic: topic.to_owned(), at: message.at, why };
-            match topic.strip_prefix(TOPICS) {
-                Some("observation") => {
-                    let told = proto::Observation::decode(message.data).map_err(|error| wrong(error.to_string()))?;
-                    let told = Observation::try_from(told).map_err(|error| wrong(error.to_string()))?;
+        messages(bytes, |channel, data| {
+            match channel {
+                "observation" => {
+                    let told = proto::Observation::decode(data).map_err(|error| error.to_string())?;
+                    let told = Observation::try_from(told).map_err(|error| error.to_string())?;
                     seen.insert(told.step, whereabouts(&told));
                 }
-                Some("prediction") => {
-                    let told = proto::Prediction::decode(message.data).map_err(|error| wrong(error.to_string()))?;
-                    let told = UncheckedPrediction::try_from(told).map_err(|error| wrong(error.to_string()))?;
+                "prediction" => {
+                    let told = proto::Prediction::decode(data).map_err(|error| error.to_string())?;
+                    let told = UncheckedPrediction::try_from(told).map_err(|error| error.to_string())?;
                     let step = told.step;
-                    predictions.push(told.check(step).map_err(|error| wrong(error.to_string()))?);
+                    predictions.push(told.check(step).map_err(|error| error.to_string())?);
                 }
                 _ => {}
             }
-        }
+            Ok(())
+        })?;
         let mut figures = Self::default();
         predictions.iter().for_each(|prediction| figures.add(prediction, &seen));
         Ok(figures)

@@ -1,10 +1,10 @@
 //! The figures of predictions, printed.
 
-use comfy_table::{Cell, CellAlignment, Table, TableComponent, presets};
+use comfy_table::{Cell, CellAlignment, Table, presets};
 use world::scene::AgentKind;
 
 use super::{BINS, Errors, Figures, HORIZONS, MISS, Sum};
-use crate::table::{TableFormat, quoted};
+use crate::table::{TableFormat, plain, quoted};
 
 /// Kinds in the order in which they are told.
 const KINDS: [(AgentKind, &str); 4] = [
@@ -27,21 +27,12 @@ pub fn render(runs: &[(String, Figures)], format: TableFormat) -> String {
                 table.load_preset(presets::ASCII_MARKDOWN);
                 table.to_string()
             }
-            _ => plain(table),
+            _ => plain(table).join("\n"),
         });
         let title = if format == TableFormat::Markdown { format!("**{title}**") } else { title };
         format!("{title}\n\n{}\n", tables.join("\n\n"))
     });
     texts.collect::<Vec<_>>().join("\n")
-}
-
-fn plain(mut table: Table) -> String {
-    table.load_preset(presets::NOTHING);
-    table.set_style(TableComponent::HeaderLines, '─');
-    table.column_iter_mut().for_each(|column| {
-        column.set_padding((0, 2));
-    });
-    table.lines().map(|line| line.trim_end().to_owned()).collect::<Vec<_>>().join("\n")
 }
 
 fn right(text: impl ToString) -> Cell {

@@ -23,7 +23,7 @@ use wire::proto::{self, EndReason, EpisodeEnd};
 use world::scene::Scene;
 
 pub use difference::Difference;
-pub use recorded::{Recorded, RecordedError};
+pub use recorded::Recorded;
 
 /// What came of it.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -2,13 +2,12 @@
 
 use std::path::PathBuf;
 
-use clap::Parser;
 use evaluation::open_loop::Definitions;
 use evaluation::open_loop::table::Format;
 use results::drivers::{self, Predictor};
 use thiserror::Error;
 
-use crate::cli::{Entrant, EvaluateArgs, RunArgs};
+use crate::cli::{Entrant, EvaluateArgs, ProtocolName, RunArgs};
 use crate::request::{Request, RequestError};
 
 /// Drivers, scenes, definitions.
@@ -42,21 +41,6 @@ pub enum EvaluationError {
     NoNetwork,
     #[error("nobody is asked\nhint: --drivers dipp,idm or --planner-command COMMAND")]
     Nobody,
-    #[error("{0}")]
-    Words(#[from] clap::Error),
-}
-
-/// The words of one driver, read as those of `sim run`.
-#[derive(Parser)]
-struct Words {
-    #[command(flatten)]
-    run: RunArgs,
-}
-
-/// Who is asked.
-enum Who<'a> {
-    Driver(&'a Entrant),
-    Own(&'a str),
 }
 
 impl Evaluation {
@@ -65,17 +49,31 @@ impl Evaluation {
     /// # Errors
     /// [`EvaluationError`].
     pub fn resolve(arguments: EvaluateArgs, cores: u16) -> Result<Self, EvaluationError> {
-        let named = arguments.drivers.iter().map(Who::Driver);
-        let everybody = named.chain(arguments.planner_command.as_deref().map(Who::Own));
+        let own = arguments.planner_command.clone().map(|command| {
+            let nobody = Entrant { label: String::new(), driver: String::new(), weights: None };
+            let driver = drivers::DEFAULT.to_owned(); // not asked: the command is
+            RunArgs { planner_command: Some(command), label: arguments.label.clone(), driver, ..RunArgs::of(&nobody) }
+        });
         let mut networks = 0;
         let mut requests: Vec<Request> = Vec::new();
-        for who in everybody {
-            let has_network = arguments.predictor == Some(Predictor::Network)
-                || matches!(who, Who::Driver(entrant)
-                    if drivers::find(&entrant.driver).is_some_and(|row| row.predictor == Predictor::Network));
+        for who in arguments.drivers.iter().map(RunArgs::of).chain(own) {
+            let wants = drivers::find(&who.driver).filter(|_| who.planner_command.is_none()).map(|row| row.predictor);
+            let has_network = arguments.predictor.or(wants) == Some(Predictor::Network);
             networks += usize::from(has_network);
-            let words = words(&arguments, &who, has_network);
-            let run = Words::try_parse_from(words)?.run;
+            let run = RunArgs {
+                scenarios: arguments.scenes().to_vec(),
+                predictor: arguments.predictor,
+                features: arguments.features.clone().filter(|_| has_network),
+                protocol: match arguments.definitions {
+                    Definitions::Strict => ProtocolName::Strict,
+                    Definitions::Authors => ProtocolName::Paper,
+                },
+                parallel: arguments.parallel,
+                pin: arguments.pin,
+                deadline: arguments.deadline,
+                start_timeout: arguments.start_timeout,
+                ..who
+            };
             let request = Request::resolve(run, cores)?;
             if requests.iter().any(|other| other.settings.driver == request.settings.driver) {
                 return Err(EvaluationError::Twice(request.settings.driver));
@@ -98,66 +96,10 @@ impl Evaluation {
     }
 }
 
-fn words(arguments: &EvaluateArgs, who: &Who<'_>, has_network: bool) -> Vec<String> {
-    let mut words = vec!["evaluate".to_owned()];
-    let mut say = |option: &str, value: &str| words.extend([option.to_owned(), value.to_owned()]);
-    match who {
-        Who::Driver(Entrant { label, driver, weights }) => {
-            say("--driver", driver);
-            if label != driver {
-                say("--label", label);
-            }
-            if let Some(file) = weights {
-                say("--weights", &file.to_string_lossy());
-            }
-        }
-        Who::Own(command) => {
-            say("--planner-command", command);
-            if let Some(label) = &arguments.label {
-                say("--label", label);
-            }
-        }
-    }
-    let protocol = match arguments.definitions {
-        Definitions::Strict => "strict",
-        Definitions::Authors => "paper",
-    };
-    say("--protocol", protocol);
-    say("--record", "none");
-    say("--deadline", &format!("{}ms", arguments.deadline.as_millis()));
-    if let Some(timeout) = arguments.start_timeout {
-        say("--start-timeout", &format!("{}ms", timeout.as_millis()));
-    }
-    if let Some(parallel) = arguments.parallel {
-        say("--parallel", &parallel.to_string());
-    }
-    if let Some(predictor) = arguments.predictor {
-        say("--predictor", predictor_name(predictor));
-    }
-    if let Some(features) = arguments.features.as_ref().filter(|_| has_network) {
-        say("--features", features);
-    }
-    if arguments.pin {
-        words.push("--pin".to_owned());
-    }
-    if !arguments.scenes().is_empty() {
-        words.push("--".to_owned());
-        words.extend_from_slice(arguments.scenes());
-    }
-    words
-}
-
-fn predictor_name(predictor: Predictor) -> &'static str {
-    match predictor {
-        Predictor::None => "none",
-        Predictor::Ctrv => "ctrv",
-        Predictor::Oracle => "oracle",
-        Predictor::Network => "network",
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use clap::Parser as _;
+
     use super::*;
     use crate::cli::{Cli, Command};
 
