@@ -8,9 +8,11 @@
 //! | [`open_loop`] | plans held to the log, frame by frame, and never driven: by the paper's definitions and by mended ones |
 //! | [`predictions`] | predictions made in a drive against what the agents then did |
 //! | [`recorded`] | a recording's messages, for both of these |
+//! | [`drives`] | the drives of a finished run beside their scenes, for whoever judges them again |
 //! | [`replay`] | an episode driven again by the plans of its recording |
 
 pub mod compare;
+pub mod drives;
 pub mod open_loop;
 pub mod predictions;
 pub mod recorded;

@@ -10,7 +10,7 @@ use arrow_array::types::{Float64Type, UInt32Type};
 use arrow_array::{Array, BooleanArray, RecordBatch};
 use arrow_schema::{DataType, SchemaRef};
 use arrow_select::filter::filter_record_batch;
-use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+use parquet::arrow::arrow_reader::{ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder};
 use parquet::arrow::{ArrowWriter, ProjectionMask};
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::file::properties::WriterProperties;
@@ -177,6 +177,64 @@ impl Table {
     }
 }
 
+/// A file's rows scene by scene, as they lie one after the other: a file of steps is never in memory whole.
+pub struct ByScene {
+    path: PathBuf,
+    reader: ParquetRecordBatchReader,
+    /// What is read and not yet told.
+    rest: Option<RecordBatch>,
+}
+
+impl ByScene {
+    /// These columns of the file under `path`. A column that is not there is missed when it is asked for.
+    ///
+    /// # Errors
+    /// [`ParquetError`].
+    pub fn open(path: &Path, columns: &[&str]) -> Result<Self, ParquetError> {
+        let file = File::open(path).map_err(at("open", path))?;
+        let format = |source| ParquetError::Format { path: path.to_owned(), source };
+        let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(format)?;
+        let named = std::iter::once("scene").chain(columns.iter().copied());
+        let mask = ProjectionMask::columns(builder.parquet_schema(), named);
+        let reader = builder.with_projection(mask).build().map_err(format)?;
+        Ok(Self { path: path.to_owned(), reader, rest: None })
+    }
+
+    fn following(&mut self) -> Result<Option<(String, Table)>, ParquetError> {
+        let mut table = Table { path: self.path.clone(), batches: Vec::new() };
+        let mut told: Option<String> = None;
+        loop {
+            let batch = match self.rest.take() {
+                Some(batch) => batch,
+                None => match self.reader.next().transpose()? {
+                    Some(batch) => batch,
+                    None => return Ok(told.map(|scene| (scene, table))),
+                },
+            };
+            let one = Table { path: self.path.clone(), batches: vec![batch.clone()] };
+            let scenes = one.text("scene")?;
+            let Some(first) = scenes.first() else { continue };
+            let scene = told.get_or_insert_with(|| first.clone());
+            let rows = scenes.iter().take_while(|other| *other == scene).count();
+            if rows > 0 {
+                table.batches.push(batch.slice(0, rows));
+            }
+            if rows < scenes.len() {
+                self.rest = Some(batch.slice(rows, scenes.len() - rows));
+                return Ok(told.map(|scene| (scene, table)));
+            }
+        }
+    }
+}
+
+impl Iterator for ByScene {
+    type Item = Result<(String, Table), ParquetError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.following().transpose()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
@@ -202,5 +260,22 @@ mod tests {
         assert_eq!(read.keys().collect::<Vec<_>>(), ["y"]);
         assert_eq!((read["y"].len(), read["y"][2]), (200, Some(57.0)));
         assert!(matches!(table.flags("nowhere"), Err(ParquetError::Column { .. })));
+    }
+    #[test]
+    fn scene_by_scene_each_has_its_rows_wherever_batches_end() {
+        let root = tempfile::tempdir().unwrap();
+        let path = root.path().join("steps.parquet");
+        // Readers hand out 1,024 rows at a time: scenes of 700 lie across that.
+        let scenes: Vec<String> = (0..3_500).map(|row| format!("s{}", row / 700)).collect();
+        let numbers: ArrayRef = Arc::new(Float64Array::from_iter_values((0..3_500).map(f64::from)));
+        let columns: [(&str, ArrayRef); 2] = [("scene", Arc::new(StringArray::from(scenes))), ("x", numbers)];
+        let batch = RecordBatch::try_from_iter(columns).unwrap();
+        write(&path, batch.schema(), [Ok(batch)]).unwrap();
+        let read: Vec<_> = ByScene::open(&path, &["x"]).unwrap().map(Result::unwrap).collect();
+        assert_eq!(read.len(), 5);
+        for (at, (scene, table)) in read.iter().enumerate() {
+            let x = &table.numbers().unwrap()["x"];
+            assert_eq!((scene.as_str(), x.len(), x[0]), (&*format!("s{at}"), 700, Some(700.0 * at as f64)));
+        }
     }
 }
