@@ -16,7 +16,7 @@ use world::vehicle::WHEELBASE;
 
 use crate::advance::{Advance, Undrivable, named};
 use crate::detail::detail;
-use crate::metrics;
+use crate::metrics::{self, Counted};
 use crate::paper::{self, Paper};
 use crate::protocol::{Protocol, StrictSettings};
 use crate::strict::Strict;
@@ -108,9 +108,9 @@ impl Rules {
     }
 
     /// Puts the AV on a state a step later.
-    fn put(&mut self, state: &PlanState) {
+    fn put(&mut self, state: &PlanState, control: Option<Control>) {
         match self {
-            Self::Strict(rules) => rules.put(state),
+            Self::Strict(rules) => rules.put(state, control),
             Self::Paper(rules) => rules.put(state),
         }
     }
@@ -248,6 +248,12 @@ impl Episode {
         }
     }
 
+    /// The AV now.
+    #[must_use]
+    pub fn av(&self) -> &AgentState {
+        self.rules.av()
+    }
+
     /// Why the episode is over, if it is.
     #[must_use]
     pub fn ended(&self) -> Option<EndReason> {
@@ -267,13 +273,19 @@ impl Episode {
     /// Plays a plan out as if the AV could do what it says: the AV is put on each of its states in turn and judged there. Nothing ends
     /// that but the log.
     pub fn play_out(&mut self, states: &[PlanState]) -> Outcome {
+        self.retrace(states.iter().map(|state| (*state, None)));
+        self.finish()
+    }
+
+    /// Judges again what was driven: the AV is put on each state, with the control that brought it there where that is known. Nothing ends
+    /// that but the log.
+    pub fn retrace(&mut self, drive: impl IntoIterator<Item = (PlanState, Option<Control>)>) {
         let left = self.scene.steps().saturating_sub(self.log_index() + 1);
-        for state in states.iter().take(left) {
+        for (state, control) in drive.into_iter().take(left) {
             let heading = self.rules.av().heading;
-            self.rules.put(state);
+            self.rules.put(&state, control);
             self.settle(heading);
         }
-        self.finish()
     }
 
     /// Judges the AV, which headed to `heading` a step before.
@@ -348,25 +360,31 @@ impl Episode {
         &self.advance
     }
 
-    /// The outcome of what was driven.
+    /// The metrics of what was driven, in the order of [`metrics::METRICS`], as far as its steps count.
     #[must_use]
-    pub fn finish(&self) -> Outcome {
+    pub fn measure(&self, counted: Counted<'_>) -> Vec<Option<f64>> {
         let human: Vec<Option<Pose>> =
             self.scene.av().states.iter().map(|state| state.map(|state| state.pose())).collect();
         let first = self.start as usize + 1;
-        let measured = match &self.rules {
+        match &self.rules {
             Rules::Strict(rules) => {
-                rules.measure(&self.records, &self.events, &human[first..first + self.records.len()])
+                let human = &human[first..first + self.records.len()];
+                rules.measure(&self.records, &self.events, human, counted)
             }
-            Rules::Paper(_) => metrics::authors::measure(&self.records, &human),
-        };
+            Rules::Paper(_) => metrics::authors::measure(&self.records, &human, counted),
+        }
+    }
+
+    /// The outcome of what was driven.
+    #[must_use]
+    pub fn finish(&self) -> Outcome {
         let end = proto::EpisodeEnd {
             scene: self.scene.id().to_string(),
             protocol: self.protocol.name().to_owned(),
             reason: self.advance.ended.unwrap_or_default().into(),
             detail: self.detail.clone(),
             steps: self.step,
-            metrics: named(measured),
+            metrics: named(self.measure(Counted::ALL)),
             records: self.records.len() as u32,
             events: self.events.len() as u32,
             ..proto::EpisodeEnd::default()

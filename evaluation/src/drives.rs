@@ -19,14 +19,22 @@ use results::summary::{Summary, SummaryError};
 use scenarios::{SceneSet, SetError};
 use thiserror::Error;
 use world::geometry::Point;
-use world::plan::PlanState;
+use world::plan::{Control, PlanState};
 use world::scene::Scene;
 
 /// Episodes that are in memory at a time, for each core.
 const AT_A_TIME: usize = 8;
 
-/// The columns of `steps.parquet` that say where the AV is.
-const PLACES: [&str; 5] = ["av_x_m", "av_y_m", "av_heading_rad", "av_velocity_x_mps", "av_velocity_y_mps"];
+/// The columns of `steps.parquet` that say where the AV is, and what brought it there.
+const PLACES: [&str; 7] = [
+    "av_x_m",
+    "av_y_m",
+    "av_heading_rad",
+    "av_velocity_x_mps",
+    "av_velocity_y_mps",
+    "acceleration_mps2",
+    "steering_rad",
+];
 
 /// A run whose drives cannot be judged again.
 #[derive(Debug, Error)]
@@ -76,8 +84,10 @@ pub struct Driven {
     pub start: u32,
     /// The AV after each step, 0.1 s apart (m, rad, m/s). Speed is along its heading. Empty where nothing was driven.
     pub states: Vec<PlanState>,
+    /// What brought it to each of them.
+    pub controls: Vec<Control>,
     /// Its rows of `steps.parquet`; none where nothing was driven.
-    pub steps: Option<Table>,
+    pub table: Option<Table>,
 }
 
 impl Run {
@@ -147,14 +157,14 @@ impl Run {
 
     fn drive(&self, index: usize, start: u32, steps: Option<Table>) -> Result<Driven, DrivesError> {
         let (scene, _) = self.scenes.load(self.places[index])?;
-        let states = match &steps {
+        let (states, controls) = match &steps {
             Some(table) => self.states(&self.file.scenes[index].id, table)?,
-            None => Vec::new(),
+            None => Default::default(),
         };
-        Ok(Driven { index, scene, start, states, steps })
+        Ok(Driven { index, scene, start, states, controls, table: steps })
     }
 
-    fn states(&self, scene: &str, table: &Table) -> Result<Vec<PlanState>, DrivesError> {
+    fn states(&self, scene: &str, table: &Table) -> Result<(Vec<PlanState>, Vec<Control>), DrivesError> {
         let numbers = table.numbers()?;
         let rows = numbers.values().next().map_or(0, Vec::len);
         let state = |step: usize| {
@@ -166,11 +176,19 @@ impl Run {
                     column,
                 })
             };
-            let [x, y, heading, velocity_x, velocity_y] = PLACES.map(number);
+            let [x, y, heading, velocity_x, velocity_y, acceleration, steering] = PLACES.map(number);
             let heading = heading?;
             let velocity = Point { x: velocity_x?, y: velocity_y? };
-            Ok(PlanState { x: x?, y: y?, heading, speed: velocity.dot(Point::unit(heading)) })
+            let state = PlanState { x: x?, y: y?, heading, speed: velocity.dot(Point::unit(heading)) };
+            Ok((state, Control { acceleration: acceleration?, steering: steering? }))
         };
         (0..rows).map(state).collect()
+    }
+}
+
+impl Driven {
+    /// Its states with what brought it there, as [`episode::Episode::retrace`] takes them.
+    pub fn steps(&self) -> impl Iterator<Item = (PlanState, Option<Control>)> {
+        self.states.iter().copied().zip(self.controls.iter().copied().map(Some))
     }
 }

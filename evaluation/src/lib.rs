@@ -9,6 +9,7 @@
 //! | [`predictions`] | predictions made in a drive against what the agents then did |
 //! | [`recorded`] | a recording's messages, for both of these |
 //! | [`drives`] | the drives of a finished run beside their scenes, for whoever judges them again |
+//! | [`validity`] | where a replayed agent would have had to react to the AV, and what figures are worth without those steps |
 //! | [`replay`] | an episode driven again by the plans of its recording |
 
 pub mod compare;
@@ -19,3 +20,4 @@ pub mod recorded;
 pub mod replay;
 pub mod scenes;
 pub mod table;
+pub mod validity;

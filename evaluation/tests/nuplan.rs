@@ -5,6 +5,7 @@
 #[path = "../examples/judge/case.rs"]
 mod case;
 
+use episode::metrics::Counted;
 use episode::metrics::comfort::{Extremes, Ride};
 use episode::tracker;
 use serde::Deserialize;
@@ -60,7 +61,7 @@ fn comfort_is_read_at_the_centre_as_nuplan_moves_it_there() {
             let ride = Ride { acceleration: drive.acceleration[step], speed, heading, turning: yaw_rate, yaw_rate };
             ride.nuplan(std::mem::replace(&mut before, yaw_rate), 1.461)
         });
-        let extremes = Extremes::of(&samples.collect::<Vec<_>>()).unwrap();
+        let extremes = Extremes::of(&samples.collect::<Vec<_>>(), Counted::ALL).unwrap();
         for (name, value) in [
             ("min", extremes.least_acceleration),
             ("max", extremes.greatest_acceleration),

@@ -52,6 +52,10 @@ pub enum Command {
     /// Each recorded episode is driven in process by the plans of its recording. Scene, observations, steps, events and end must be the same to the
     /// byte, and the figures those of results.parquet. Names the first step and field that differ; exits with 1 where one does.
     Replay(ReplayArgs),
+    /// Say where replayed agents would have had to react to the AV, and what the figures are without those steps
+    ///
+    /// Agents of a log do what they did, whatever the AV does. docs/validity.md defines who would have had to react.
+    Validity(ValidityArgs),
     /// Hold the protocol `paper` to vectors of the authors' simulator
     ///
     /// Drives the episodes that the folder holds and prints the worst deviation of each quantity beside its tolerance. Exits with
@@ -355,6 +359,26 @@ pub struct PredictionsArgs {
     /// Folders of finished runs
     #[arg(required = true, value_name = "DIR")]
     pub runs: Vec<PathBuf>,
+    /// How to print
+    #[arg(long, value_enum, default_value_t)]
+    pub format: TableFormat,
+}
+
+/// `sim validity`.
+#[derive(Debug, Args)]
+pub struct ValidityArgs {
+    /// Folders of finished runs
+    #[arg(required = true, value_name = "DIR")]
+    pub runs: Vec<PathBuf>,
+    /// Where the scenes are [default: where the run has them from]
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    pub scenarios: Vec<String>,
+    /// Print the episodes instead, those with the most such steps first
+    #[arg(long)]
+    pub scenes: bool,
+    /// Write each step to a Parquet file
+    #[arg(long, value_name = "FILE.parquet")]
+    pub out: Option<PathBuf>,
     /// How to print
     #[arg(long, value_enum, default_value_t)]
     pub format: TableFormat,

@@ -11,10 +11,12 @@ use std::thread;
 use evaluation::compare::{CompareFormat, compare, gate, json, junit, markdown, text};
 use evaluation::scenes::{self, Scenes};
 use evaluation::table::{self, TableFormat};
+use evaluation::validity;
 use results::files;
 use results::summary::{Summary, SummaryError};
 use sim::cli::{
-    Cli, Command, CompareArgs, EvaluateArgs, MatrixArgs, PredictionsArgs, ReplayArgs, RunArgs, TableArgs, VerifyArgs,
+    Cli, Command, CompareArgs, EvaluateArgs, MatrixArgs, PredictionsArgs, ReplayArgs, RunArgs, TableArgs, ValidityArgs,
+    VerifyArgs,
 };
 use sim::evaluate::request::Evaluation;
 use sim::matrix;
@@ -41,6 +43,7 @@ fn main() -> ExitCode {
         Command::Compare(arguments) => print_comparison(&arguments),
         Command::Predictions(arguments) => print_predictions(&arguments, &console),
         Command::Replay(arguments) => replay_runs(&arguments),
+        Command::Validity(arguments) => print_validity(&arguments),
         Command::Verify(arguments) => print_verdict(&arguments),
     };
     match done {
@@ -175,6 +178,22 @@ fn print_predictions(arguments: &PredictionsArgs, console: &Console) -> anyhow::
         runs.push((folder.display().to_string(), run.figures));
     }
     terminal::say(&evaluation::predictions::render(&runs, arguments.format))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints where replayed agents would have had to react.
+fn print_validity(arguments: &ValidityArgs) -> anyhow::Result<ExitCode> {
+    let runs = arguments.runs.iter().map(|folder| validity::Figures::of(folder, &arguments.scenarios));
+    let runs = runs.collect::<Result<Vec<_>, _>>()?;
+    if let Some(path) = &arguments.out {
+        validity::file::write(path, &runs)?;
+    }
+    let told = if arguments.scenes {
+        validity::scenes(&runs, arguments.format)
+    } else {
+        validity::render(&runs, arguments.format)
+    };
+    terminal::say(&told)?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -63,7 +63,7 @@ pub fn is_behind(av: &Body, wheelbase: f64, point: Point) -> bool {
 }
 
 /// The front edge of a box, as a box without length.
-fn front_bumper(outline: &OrientedBox) -> OrientedBox {
+pub(super) fn front_bumper(outline: &OrientedBox) -> OrientedBox {
     OrientedBox { center: outline.front(), half_length: 0.0, ..*outline }
 }
 

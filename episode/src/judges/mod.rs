@@ -4,6 +4,7 @@
 //! | module | rule |
 //! | --- | --- |
 //! | [`collision`] | which contact, and whose fault |
+//! | [`reaction`] | whether a replayed agent would have had to react to the AV |
 //! | [`discs`] | contact as the paper's code tests it |
 //! | [`time_to_collision`] | how soon, if all go on as they do |
 //! | [`level`] | what of the map is on the level of the route, bridges left out |
@@ -15,6 +16,7 @@ pub mod collision;
 pub mod discs;
 pub mod lanes;
 pub mod level;
+pub mod reaction;
 pub mod red_light;
 pub mod road;
 pub mod time_to_collision;

@@ -6,7 +6,7 @@ use world::geometry::Pose;
 
 use super::drive::pose;
 use super::paper::{Comfort, comfort, progress};
-use super::{METRICS, flag};
+use super::{Counted, METRICS, flag};
 
 /// With fewer logged states than these the authors' code cannot compute position errors.
 const LOGGED_STATES: usize = 120;
@@ -17,6 +17,7 @@ struct Facts<'a> {
     /// The logged AV, by log index.
     logged: &'a [Option<Pose>],
     driven: Vec<Pose>,
+    counted: Counted<'a>,
     comfort: Comfort,
     human_comfort: Comfort,
 }
@@ -24,13 +25,17 @@ struct Facts<'a> {
 impl Facts<'_> {
     /// How a flag stands at the last step.
     fn last(&self, rule: fn(&proto::StepRecord) -> bool) -> Option<f64> {
-        self.records.last().map(rule).and_then(flag)
+        let counts = self.counted.has(self.records.len().saturating_sub(1));
+        self.records.last().map(|record| counts && rule(record)).and_then(flag)
     }
 
     /// Distance to the logged AV (m) after so many steps; a drive that ended before stays where it was.
     fn position_error(&self, steps: usize) -> Option<f64> {
         let start = self.records.first()?.log_index as usize;
         let place = self.driven.get(steps - 1).or(self.driven.last())?;
+        if !self.counted.has(steps.min(self.driven.len()) - 1) {
+            return None;
+        }
         let human = self.logged.get(start + steps - 1).copied().flatten()?;
         (self.logged.len() >= LOGGED_STATES).then(|| place.position().distance(human.position()))
     }
@@ -42,7 +47,7 @@ type Value = fn(&Facts<'_>) -> Option<f64>;
 const MEASURED: [(&str, Value); 12] = [
     ("collision", |f| f.last(|record| record.collision)),
     ("off_route", |f| f.last(|record| record.off_route)),
-    ("progress_m", |f| progress(&f.driven)),
+    ("progress_m", |f| progress(&f.driven, f.counted)),
     ("mean_abs_acceleration_mps2", |f| f.comfort.acceleration),
     ("mean_abs_jerk_mps3", |f| f.comfort.jerk),
     ("mean_abs_lateral_acceleration_mps2", |f| f.comfort.lateral_acceleration),
@@ -62,15 +67,16 @@ pub fn is_measured(name: &str) -> bool {
 
 /// All metrics of a drive under `paper`, in the order of [`METRICS`]; `logged` is the logged AV by log index.
 #[must_use]
-pub fn measure(records: &[proto::StepRecord], logged: &[Option<Pose>]) -> Vec<Option<f64>> {
+pub fn measure(records: &[proto::StepRecord], logged: &[Option<Pose>], counted: Counted<'_>) -> Vec<Option<f64>> {
     let driven: Vec<Pose> = records.iter().map(pose).collect();
     let human = records.iter().map(|record| logged.get(record.log_index as usize).copied().flatten());
     let human: Option<Vec<Pose>> = human.collect();
     let facts = Facts {
         records,
         logged,
-        comfort: comfort(&driven),
-        human_comfort: human.map(|human| comfort(&human)).unwrap_or_default(),
+        comfort: comfort(&driven, counted),
+        human_comfort: human.map(|human| comfort(&human, counted)).unwrap_or_default(),
+        counted,
         driven,
     };
     let value = |name: &str| MEASURED.iter().find(|(measured, _)| *measured == name)?.1(&facts);
@@ -92,7 +98,7 @@ mod tests {
         let mut records: Vec<_> = (0..steps).map(record).collect();
         records.last_mut().into_iter().for_each(last);
         let logged: Vec<_> = (0..states).map(|at| Some(Pose::new(0.8 * (f64::from(at) - 19.0), 0.0, 0.0))).collect();
-        let values = measure(&records, &logged);
+        let values = measure(&records, &logged, Counted::ALL);
         move |name| METRICS.iter().zip(&values).find(|(metric, _)| metric.name == name).unwrap().1.to_owned()
     }
 

@@ -5,6 +5,7 @@
 use world::geometry::angle_difference;
 use world::plan::STEP_SECONDS;
 
+use super::Counted;
 use super::savitzky_golay::SavitzkyGolay;
 
 const SMOOTH: SavitzkyGolay = SavitzkyGolay { window: 8, degree: 2, derivative: 0 };
@@ -97,18 +98,20 @@ pub struct Extremes {
 }
 
 impl Extremes {
-    /// Those of a drive; `None` where it is too short for the filters (four steps are needed).
+    /// Those of a drive, a sample a step, over the steps that count; `None` where none does, or it is too short for the filters (four
+    /// steps are needed).
     #[must_use]
-    pub fn of(drive: &[Sample]) -> Option<Self> {
+    pub fn of(drive: &[Sample], counted: Counted<'_>) -> Option<Self> {
         let longitudinal: Vec<f64> = drive.iter().map(|sample| sample.acceleration).collect();
         let lateral: Vec<f64> = drive.iter().map(|sample| sample.lateral_acceleration).collect();
         let magnitude: Vec<f64> = drive.iter().map(|sample| sample.magnitude).collect();
         let headings = unwrapped(drive.iter().map(|sample| sample.heading));
         let acceleration = filter(SMOOTH, &longitudinal)?;
         let jerk = |signal: &[f64]| filter(JERK, &filter(SMOOTH, signal)?);
+        let greatest_magnitude = |signal: &[f64]| counted.of(0, signal).map(|value| value.abs()).reduce(f64::max);
         Some(Self {
-            least_acceleration: acceleration.iter().copied().reduce(f64::min)?,
-            greatest_acceleration: acceleration.iter().copied().reduce(f64::max)?,
+            least_acceleration: counted.of(0, acceleration.iter().copied()).reduce(f64::min)?,
+            greatest_acceleration: counted.of(0, acceleration.iter().copied()).reduce(f64::max)?,
             lateral_acceleration: greatest_magnitude(&filter(SMOOTH, &lateral)?)?,
             yaw_rate: greatest_magnitude(&filter(YAW_RATE, &headings)?)?,
             yaw_acceleration: greatest_magnitude(&filter(YAW_ACCELERATION, &headings)?)?,
@@ -136,10 +139,6 @@ fn filter(filter: SavitzkyGolay, signal: &[f64]) -> Option<Vec<f64>> {
     Some(filtered.into_iter().map(|value| (value * 1e8).round_ties_even() / 1e8).collect())
 }
 
-fn greatest_magnitude(signal: &[f64]) -> Option<f64> {
-    signal.iter().map(|value| value.abs()).reduce(f64::max)
-}
-
 /// Headings without jumps of a whole turn.
 fn unwrapped(headings: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut unwrapped: Vec<f64> = Vec::new();
@@ -165,7 +164,7 @@ mod tests {
                 heading: world::geometry::wrap_angle(0.5 * f64::from(step) * STEP_SECONDS),
             })
             .collect();
-        let extremes = Extremes::of(&drive).unwrap();
+        let extremes = Extremes::of(&drive, Counted::ALL).unwrap();
         assert!((extremes.yaw_rate - 0.5).abs() < 1e-8 && extremes.yaw_acceleration < 1e-6, "{extremes:?}");
         assert!((extremes.lateral_acceleration - 5.0).abs() < 1e-8 && extremes.jerk < 1e-8);
         assert!(!extremes.are_comfortable(), "5 m/s^2 is beyond 4.89");
@@ -173,15 +172,16 @@ mod tests {
 
     #[test]
     fn steady_braking_is_within_the_bound_or_not() {
-        let braking =
-            |acceleration| Extremes::of(&[Sample { acceleration, ..Sample::default() }; 40]).unwrap().are_comfortable();
+        let braking = |acceleration| {
+            Extremes::of(&[Sample { acceleration, ..Sample::default() }; 40], Counted::ALL).unwrap().are_comfortable()
+        };
         assert!(braking(-4.0) && !braking(-4.1) && braking(2.3) && !braking(2.5));
     }
 
     #[test]
     fn three_steps_are_too_few() {
-        assert_eq!(Extremes::of(&[Sample::default(); 3]), None);
-        assert!(Extremes::of(&[Sample::default(); 4]).is_some());
+        assert_eq!(Extremes::of(&[Sample::default(); 3], Counted::ALL), None);
+        assert!(Extremes::of(&[Sample::default(); 4], Counted::ALL).is_some());
     }
 
     #[test]

@@ -9,7 +9,7 @@ use world::scene::{AgentKind, Judgement};
 
 use super::comfort::{self, Ride};
 use super::feasibility::{self, Pace};
-use super::{nuplan, paper};
+use super::{Counted, nuplan, paper};
 use crate::judges::lanes::Driven;
 use crate::judges::rear_axle_to_center;
 use crate::judges::time_to_collision::LEAST_TIME_TO_COLLISION;
@@ -21,8 +21,10 @@ pub struct Drive<'a> {
     pub records: &'a [proto::StepRecord],
     /// What happened.
     pub events: &'a [proto::Event],
-    /// What the AV hit at fault.
-    pub at_fault: &'a [AgentKind],
+    /// Which of its steps count.
+    pub counted: Counted<'a>,
+    /// What the AV hit at fault, and at which step.
+    pub at_fault: &'a [(u32, AgentKind)],
     /// The logged AV at each record's log index, if it is there.
     pub human: &'a [Option<Pose>],
     /// How it began.
@@ -31,8 +33,9 @@ pub struct Drive<'a> {
     pub wheelbase: f64,
     /// What the lanes say, looking back: at the start, then after each record.
     pub driven: &'a [Driven],
-    /// The logged AV's progress along the reference line (m), and the log index where it was last there, up to the horizon.
-    pub human_route_progress: Option<(f64, usize)>,
+    /// Where the logged AV was along the reference line (m), by the log indices at which it was there, from the drive's start to the
+    /// horizon.
+    pub human_stations: &'a [(usize, f64)],
     /// The log index after the last step that there is to drive.
     pub horizon: usize,
     /// What the scene does not allow to judge.
@@ -67,14 +70,38 @@ impl Drive<'_> {
     /// Progress along the reference line (m), no longer than the logged AV is there to compare with; none where it is there for less
     /// than half of the steps that there are to drive, or ends behind where it began.
     fn compared_progress(&self) -> Option<f64> {
+        let (start, last) = (self.human_stations.first()?, self.human_stations.last()?);
         // Who backs all the way goes by another route than the one that was made of it.
-        let (_, last) = self.human_route_progress.filter(|(human, _)| *human >= -nuplan::LEAST_PROGRESS)?;
+        let last = Some(last).filter(|last| last.1 - start.1 >= -nuplan::LEAST_PROGRESS)?.0;
         let first = self.records.first().map_or(self.horizon, |record| record.log_index as usize);
         if 2 * (last + 1).saturating_sub(first) < self.horizon.saturating_sub(first) {
             return None;
         }
-        let compared = self.records.iter().rev().find(|record| record.log_index as usize <= last);
-        Some(compared.map_or(0.0, |record| record.station - self.start.station))
+        let compared = self.records.iter().take_while(|record| record.log_index as usize <= last).count();
+        Some(self.travelled(compared).unwrap_or_default())
+    }
+
+    /// The way along the reference line (m) over the first `steps`; none without any.
+    fn travelled(&self, steps: usize) -> Option<f64> {
+        let stations = || self.records[..steps].iter().map(|record| record.station);
+        let way = stations().next_back()? - self.start.station;
+        if self.counted.is_all() {
+            return Some(way);
+        }
+        let before = std::iter::once(self.start.station).chain(stations());
+        Some(self.counted.of(0, stations().zip(before).map(|(now, before)| now - before)).sum())
+    }
+
+    /// The logged AV's way along it (m).
+    fn human_travelled(&self) -> Option<f64> {
+        let (first, last) = (self.human_stations.first()?, self.human_stations.last()?);
+        if self.counted.is_all() {
+            return Some(last.1 - first.1);
+        }
+        // Step 0 leads to the log index after the start's.
+        let begin = self.records.first().map_or(first.0 + 1, |record| record.log_index as usize);
+        let steps = self.human_stations.windows(2).filter(|pair| self.counted.has(pair[1].0.saturating_sub(begin)));
+        Some(steps.map(|pair| pair[1].1 - pair[0].1).sum())
     }
 
     fn rides(&self) -> Vec<Ride> {
@@ -96,10 +123,8 @@ impl Drive<'_> {
         let start = Pace { speed: self.start.speed, heading: self.start.heading };
         let pace = |record| Pace { speed: speed(record), heading: pose(record).heading };
         let mut before = start;
-        self.records.iter().map(pace).any(|after| {
-            let before = std::mem::replace(&mut before, after);
-            feasibility::is_infeasible(before, after)
-        })
+        let steps = self.records.iter().map(pace).map(|after| (std::mem::replace(&mut before, after), after));
+        self.counted.of(0, steps).any(|(before, after)| feasibility::is_infeasible(before, after))
     }
 }
 
@@ -139,14 +164,20 @@ impl Facts {
     /// The facts of `drive`.
     #[must_use]
     pub fn of(drive: &Drive<'_>) -> Self {
-        let records = drive.records;
-        let any = |rule: fn(&proto::StepRecord) -> bool| records.iter().any(rule);
-        let collisions = || drive.events.iter().filter(|event| event.kind() == Kind::Collision);
+        let (records, counted_steps) = (drive.records, drive.counted);
+        let steps = || counted_steps.of(0, records);
+        let any = |rule: fn(&proto::StepRecord) -> bool| steps().any(rule);
+        let is_counted = |step: u32| counted_steps.has(step as usize);
+        let collisions =
+            || drive.events.iter().filter(|event| event.kind() == Kind::Collision && is_counted(event.step));
         let counted = || collisions().filter(|event| !event.netted);
         let poses: Vec<Pose> = records.iter().map(pose).collect();
         let human: Option<Vec<Pose>> = drive.human.iter().copied().collect();
         // 3 s after the start is the state after step 29.
-        let position_error = |seconds: usize| records.get(seconds * 10 - 1).and_then(|record| record.position_error);
+        let position_error = |seconds: usize| {
+            let step = seconds * 10 - 1;
+            records.get(step).filter(|_| counted_steps.has(step)).and_then(|record| record.position_error)
+        };
         let rides = drive.rides();
         let before = std::iter::once(drive.start.yaw_rate).chain(rides.iter().map(|ride| ride.yaw_rate));
         let ahead = rear_axle_to_center(drive.wheelbase);
@@ -154,24 +185,24 @@ impl Facts {
         let mut facts = Self {
             contacts: counted().count(),
             netted_contacts: collisions().count() - counted().count(),
-            at_fault: drive.at_fault.len(),
+            at_fault: drive.at_fault.iter().filter(|(step, _)| is_counted(*step)).count(),
             relative_speed: counted().map(|event| event.relative_speed).reduce(f64::max),
             off_route: any(|record| record.off_route),
             off_road: any(|record| record.off_road),
             red_light: any(|record| record.red_light),
             wrong_way: any(|record| record.wrong_way),
             speeding: any(|record| record.speeding),
-            progress: paper::progress(&poses),
-            comfort: paper::comfort(&poses),
-            human_comfort: human.map(|human| paper::comfort(&human)).unwrap_or_default(),
+            progress: paper::progress(&poses, counted_steps),
+            comfort: paper::comfort(&poses, counted_steps),
+            human_comfort: human.map(|human| paper::comfort(&human, counted_steps)).unwrap_or_default(),
             position_errors: [3, 5, 10].map(position_error),
-            route_progress: records.last().map(|record| record.station - drive.start.station),
-            human_route_progress: drive.human_route_progress.map(|(progress, _)| progress),
+            route_progress: drive.travelled(records.len()),
+            human_route_progress: drive.human_travelled(),
             compared_progress: drive.compared_progress(),
-            speed_limit_compliance: speed_limit_compliance(records),
-            time_to_collision: records.iter().filter_map(|record| record.time_to_collision).reduce(f64::min),
-            extremes: comfort::Extremes::of(&rides.iter().map(Ride::felt).collect::<Vec<_>>()),
-            nuplan_extremes: comfort::Extremes::of(&read),
+            speed_limit_compliance: speed_limit_compliance(steps()),
+            time_to_collision: steps().filter_map(|record| record.time_to_collision).reduce(f64::min),
+            extremes: comfort::Extremes::of(&rides.iter().map(Ride::felt).collect::<Vec<_>>(), counted_steps),
+            nuplan_extremes: comfort::Extremes::of(&read, counted_steps),
             infeasible: drive.is_infeasible(),
             unjudged: drive.unjudged.clone(),
             terms: nuplan::Terms::default(),
@@ -211,16 +242,17 @@ impl Facts {
     fn terms_of(&self, drive: &Drive<'_>) -> nuplan::Terms {
         let progress = self.compared_progress.zip(self.human_route_progress);
         let progress = progress.map(|(own, human)| nuplan::progress(own, human));
-        let records = drive.records;
-        let driven = || records.iter().zip(drive.driven.iter().skip(1));
         let netted = || drive.netted.iter().copied().chain(std::iter::repeat(NettedStep::default()));
-        let backward = driven().zip(netted()).filter(|(_, netted)| !netted.backward_travel);
+        let driven = || drive.counted.of(0, drive.records.iter().zip(drive.driven.iter().skip(1)).zip(netted()));
+        let backward = driven().filter(|(_, netted)| !netted.backward_travel);
         let backward = backward.map(|((_, driven), _)| driven.backward_travel);
-        let over = driven().map(|(record, driven)| overspeed(speed(record), driven.speed_limit));
-        let over: Vec<f64> =
-            over.zip(netted()).map(|(over, netted)| if netted.overspeed { 0.0 } else { over }).collect();
+        let over = |((record, driven), netted): ((&proto::StepRecord, &Driven), NettedStep)| {
+            if netted.overspeed { 0.0 } else { overspeed(speed(record), driven.speed_limit) }
+        };
+        let over: Vec<f64> = driven().map(over).collect();
         let score = |is_kept: bool| Some(f64::from(u8::from(is_kept)));
-        let no_collision = nuplan::no_collision(drive.at_fault.iter().copied());
+        let at_fault = drive.at_fault.iter().filter(|(step, _)| drive.counted.has(*step as usize));
+        let no_collision = nuplan::no_collision(at_fault.map(|(_, kind)| *kind));
         let in_time = self.time_to_collision.is_none_or(|time| time >= LEAST_TIME_TO_COLLISION);
         // One that is broken is broken, whatever else cannot be judged.
         let unless_broken = |judgement: Judgement, term: Option<f64>| match term {
@@ -230,7 +262,7 @@ impl Facts {
         nuplan::Terms {
             no_collision: unless_broken(Judgement::Collision, Some(no_collision)),
             drivable_area: self
-                .judged(Judgement::OffRoad, score(!records.iter().any(|record| record.outside_drivable_area))),
+                .judged(Judgement::OffRoad, score(!driven().any(|((record, _), _)| record.outside_drivable_area))),
             direction: self.judged(Judgement::WrongWay, Some(nuplan::direction(backward.fold(0.0, f64::max)))),
             making_progress: progress.and_then(|progress| score(progress >= nuplan::MAKING_PROGRESS)),
             progress,
@@ -257,8 +289,8 @@ fn overspeed(speed: f64, limit: f64) -> f64 {
     if limit > 0.0 { (speed - limit).max(0.0) } else { 0.0 }
 }
 
-fn speed_limit_compliance(records: &[proto::StepRecord]) -> Option<f64> {
-    let known: Vec<_> = records.iter().filter(|record| record.speed_limit > 0.0).collect();
+fn speed_limit_compliance<'a>(records: impl Iterator<Item = &'a proto::StepRecord>) -> Option<f64> {
+    let known: Vec<_> = records.filter(|record| record.speed_limit > 0.0).collect();
     let kept = known.iter().filter(|record| overspeed(speed(record), record.speed_limit) == 0.0).count();
     (!known.is_empty()).then(|| kept as f64 / known.len() as f64)
 }

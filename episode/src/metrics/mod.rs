@@ -11,6 +11,7 @@
 
 pub mod authors;
 pub mod comfort;
+mod counted;
 mod drive;
 pub mod feasibility;
 pub mod nuplan;
@@ -19,6 +20,7 @@ pub mod savitzky_golay;
 
 use world::scene::Judgement;
 
+pub use counted::Counted;
 pub use drive::{Drive, Facts, NettedStep, Start};
 
 /// One metric of an episode.

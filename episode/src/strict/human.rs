@@ -42,8 +42,8 @@ pub struct Human {
     bodies: Vec<Option<(OrientedBox, f64)>>,
     /// Where it meets tracks or nearly does, in ascending order of track.
     encounters: Vec<Encounter>,
-    /// From the start of the drive to its end.
-    route_progress: Option<(f64, usize)>,
+    /// Where it is along the reference line (m), by log index, from the start of the drive to its end.
+    stations: Vec<(usize, f64)>,
 }
 
 /// The logged AV where it breaks a rule.
@@ -94,7 +94,7 @@ impl Human {
             places: Vec::new(),
             bodies: Vec::new(),
             encounters: Vec::new(),
-            route_progress: None,
+            stations: Vec::new(),
         };
         let mut readings: Vec<Option<(Body, Reading)>> = Vec::new();
         let scene = bridged.judged();
@@ -122,7 +122,7 @@ impl Human {
         let outline = |at: &Option<(Body, Reading)>| at.as_ref().map(|(body, _)| (body.outline, body.state.z));
         human.bodies = readings.iter().map(outline).collect();
         human.encounters = encounters(course, &readings);
-        human.route_progress = route_progress(&readings, start, end);
+        human.stations = stations(&readings, start, end);
         human
     }
 
@@ -138,11 +138,10 @@ impl Human {
         self.red_stops_crossed.iter().any(|own| own.is_same_place(stop))
     }
 
-    /// Its progress along the reference line from the start of the drive to the last step at which it is there (m), and that log
-    /// index.
+    /// Where it is along the reference line (m), by the log indices at which it is there, from the start of the drive to its end.
     #[must_use]
-    pub fn route_progress(&self) -> Option<(f64, usize)> {
-        self.route_progress
+    pub fn stations(&self) -> &[(usize, f64)] {
+        &self.stations
     }
 
     /// Which of the faults of an AV that is so read the logged AV has at the same place.
@@ -330,10 +329,7 @@ fn encounters(course: &Course, readings: &[Option<(Body, Reading)>]) -> Vec<Enco
     encounters
 }
 
-fn route_progress(readings: &[Option<(Body, Reading)>], start: usize, end: usize) -> Option<(f64, usize)> {
-    let driven = readings.get(start..end.min(readings.len()))?.iter().enumerate();
-    let mut present = driven.filter_map(|(step, at)| Some((step, at.as_ref()?.1.station)));
-    let first = present.next()?;
-    let last = present.next_back().unwrap_or(first);
-    Some((last.1 - first.1, start + last.0))
+fn stations(readings: &[Option<(Body, Reading)>], start: usize, end: usize) -> Vec<(usize, f64)> {
+    let driven = readings.iter().enumerate().take(end).skip(start);
+    driven.filter_map(|(log_index, at)| Some((log_index, at.as_ref()?.1.station))).collect()
 }

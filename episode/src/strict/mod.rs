@@ -31,7 +31,7 @@ use self::human::Human;
 use self::referee::{Moment, Referee};
 use crate::advance::{Advance, Undrivable, control_between, steering_of};
 use crate::judges::Body;
-use crate::metrics::{self, Drive, Start};
+use crate::metrics::{self, Counted, Drive, Start};
 use crate::protocol::{EndingCollision, Motion, StrictSettings};
 use crate::tracker;
 
@@ -149,16 +149,18 @@ impl Strict {
         records: &[proto::StepRecord],
         events: &[proto::Event],
         human: &[Option<Pose>],
+        counted: Counted<'_>,
     ) -> Vec<Option<f64>> {
         metrics::measure(&Drive {
             records,
             events,
+            counted,
             at_fault: self.referee.at_fault(),
             human,
             start: self.begun,
             wheelbase: self.vehicle.wheelbase,
             driven: &self.reader.settle(&self.course),
-            human_route_progress: self.human.route_progress(),
+            human_stations: self.human.stations(),
             horizon: self.end,
             unjudged: &self.unjudged,
             netted: self.referee.netted_steps(),
@@ -181,17 +183,17 @@ impl Strict {
                 self.control.acceleration = (next.speed - now.speed) / STEP_SECONDS;
                 next
             }
-            Motion::Playback => return self.put(&plan.states()[0]),
+            Motion::Playback => return self.put(&plan.states()[0], None),
         };
         self.arrive(&next);
     }
 
-    /// Puts the AV on a state a step later, wherever that is.
-    pub(super) fn put(&mut self, state: &PlanState) {
+    /// Puts the AV on a state a step later, wherever that is. What brought it there is `control`, or what a car would have needed.
+    pub(super) fn put(&mut self, state: &PlanState, control: Option<Control>) {
         let before = self.av.state;
         let now = VehicleState { x: before.x, y: before.y, heading: before.heading, speed: self.av.speed };
         let next = VehicleState { x: state.x, y: state.y, heading: state.heading, speed: state.speed.max(0.0) };
-        self.control = control_between(&now, &next, self.vehicle.wheelbase);
+        self.control = control.unwrap_or_else(|| control_between(&now, &next, self.vehicle.wheelbase));
         self.arrive(&next);
     }
 

@@ -60,7 +60,7 @@ pub struct Referee {
     since_wrong_way: u32,
     /// Agents that overlap the AV at this step; kept to spare an allocation.
     overlapping: Vec<TrafficAgent>,
-    at_fault: Vec<AgentKind>,
+    at_fault: Vec<(u32, AgentKind)>,
     /// For each step what of it the logged AV does there too.
     netted_steps: Vec<NettedStep>,
     off_route: Standing,
@@ -90,8 +90,8 @@ impl Referee {
         }
     }
 
-    /// What was hit at fault so far.
-    pub(super) fn at_fault(&self) -> &[AgentKind] {
+    /// What was hit at fault so far, and at which step.
+    pub(super) fn at_fault(&self) -> &[(u32, AgentKind)] {
         &self.at_fault
     }
 
@@ -164,7 +164,7 @@ impl Referee {
             record.collision = true;
             record.at_fault_collision |= at_fault;
             if at_fault {
-                self.at_fault.push(kind);
+                self.at_fault.push((record.step, kind));
             }
         }
         let whose = match (at_fault, agent.sudden) {

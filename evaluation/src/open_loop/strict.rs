@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use episode::metrics::Counted;
 use episode::metrics::paper::{Comfort, comfort};
 use episode::{Episode, Outcome};
 use wire::proto::event::Kind;
@@ -66,7 +67,7 @@ fn felt(start: Pose, states: &[PlanState]) -> Comfort {
         (speed * angle_difference(pair[0].heading, pair[1].heading) / STEP_SECONDS).abs()
     });
     let lateral_acceleration = Some(across.sum::<f64>() / (poses.len() - 1) as f64);
-    Comfort { lateral_acceleration, ..comfort(&poses) }
+    Comfort { lateral_acceleration, ..comfort(&poses, Counted::ALL) }
 }
 
 /// What the judges count.

@@ -39,6 +39,8 @@ fn help_says_what_can_be_typed() {
       compare      Compare two finished runs: what flipped, what moved, what may be chance
       predictions  Score the predictions of recorded drives against what the agents then did
       replay       Drive recorded episodes again by their plans, and say whether all is the same
+      validity     Say where replayed agents would have had to react to the AV, and what the figures are
+                   without those steps
       verify       Hold the protocol `paper` to vectors of the authors' simulator
       help         Print this message or the help of the given subcommand(s)
 

@@ -42,3 +42,4 @@ mod recording;
 mod repeat;
 mod replay;
 mod stage;
+mod validity;
