@@ -160,17 +160,17 @@ impl RunArgs {
     /// A run of this driver as it is left to itself, with nothing recorded.
     #[must_use]
     pub fn of(entrant: &Entrant) -> Self {
-        let Entrant { label, driver, weights } = entrant.clone();
+        let Entrant { label, driver, weights, predictor, planner_command } = entrant.clone();
         Self {
             label: (label != driver).then_some(label),
             driver,
             weights,
+            predictor,
+            planner_command,
             record: Record::None,
             paths: Vec::new(),
             scenarios: Vec::new(),
-            predictor: None,
             features: None,
-            planner_command: None,
             planner: None,
             protocol: ProtocolName::default(),
             set: Vec::new(),
@@ -199,8 +199,18 @@ pub struct MatrixArgs {
     pub scenarios: Vec<String>,
 
     /// Who drives: drivers of `sim run`, each `[LABEL:]DRIVER[=WEIGHTS]`, as idm,sep=weights/il-pred.f16.safetensors
-    #[arg(long, required = true, value_delimiter = ',', value_name = "NAMES", help_heading = "What to drive")]
+    #[arg(
+        long,
+        required_unless_present = "entrants",
+        value_delimiter = ',',
+        value_name = "NAMES",
+        help_heading = "What to drive"
+    )]
     pub drivers: Vec<Entrant>,
+
+    /// More who drive, from a TOML file: planners of your own too, or the trainings of `trainer ablate` (docs/running.md)
+    #[arg(long, value_name = "FILE", help_heading = "What to drive")]
+    pub entrants: Option<PathBuf>,
 
     /// The rules of an episode, one table each
     #[arg(long, value_enum, value_delimiter = ',', default_value = "strict", help_heading = "What to drive")]
@@ -239,8 +249,8 @@ pub struct MatrixArgs {
     pub format: TableFormat,
 }
 
-/// Who drives or is asked beside others: `[LABEL:]DRIVER[=WEIGHTS]`.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// Who drives or is asked beside others: `[LABEL:]DRIVER[=WEIGHTS]`, or an entry of a file of entrants.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Entrant {
     /// What tables call it.
     pub label: String,
@@ -248,6 +258,10 @@ pub struct Entrant {
     pub driver: String,
     /// The network's weights, if they are not those that are built in.
     pub weights: Option<PathBuf>,
+    /// Where predictions come from, if not from where the driver wants them.
+    pub predictor: Option<Predictor>,
+    /// The command of a planner that is no driver of ours.
+    pub planner_command: Option<String>,
 }
 
 impl FromStr for Entrant {
@@ -260,7 +274,8 @@ impl FromStr for Entrant {
             let known: Vec<&str> = DRIVERS.iter().map(|driver| driver.name).collect();
             return Err(format!("{driver:?} is no driver; there are {}", known.join(", ")));
         }
-        Ok(Self { label: label.to_owned(), driver: driver.to_owned(), weights: weights.map(PathBuf::from) })
+        let weights = weights.map(PathBuf::from);
+        Ok(Self { label: label.to_owned(), driver: driver.to_owned(), weights, ..Self::default() })
     }
 }
 
@@ -507,6 +522,7 @@ mod tests {
             label: label.to_owned(),
             driver: driver.to_owned(),
             weights: weights.map(PathBuf::from),
+            ..Entrant::default()
         };
         assert_eq!("idm".parse(), Ok(entrant("idm", "idm", None)));
         assert_eq!("sep=a/b=c".parse(), Ok(entrant("sep", "sep", Some("a/b=c"))));

@@ -3,6 +3,7 @@
 //! | module | what |
 //! | --- | --- |
 //! | [`cli`], [`request`] | what can be typed, and what it means |
+//! | [`entrants`] | a file of who drives |
 //! | [`matrix`] | several drivers over the same scenes |
 //! | [`predictions`] | the predictions of recorded episodes, scored |
 //! | [`replay`] | recorded episodes driven again |
@@ -13,6 +14,7 @@
 //! One drive is in [`episode`], what a run leaves in [`results`], tables are in [`evaluation`].
 
 pub mod cli;
+pub mod entrants;
 pub mod evaluate;
 pub mod matrix;
 pub mod predictions;

@@ -7,6 +7,7 @@ use scenarios::SceneSet;
 use thiserror::Error;
 
 use crate::cli::{Entrant, MatrixArgs, ProtocolName, RunArgs};
+use crate::entrants::{self, EntrantsError};
 use crate::request::{Request, RequestError};
 use crate::run::clock::WallClock;
 use crate::run::console::Console;
@@ -21,6 +22,8 @@ pub enum MatrixError {
     Twice(String),
     #[error("{label}: {source}")]
     Request { label: String, source: RequestError },
+    #[error(transparent)]
+    Entrants(#[from] EntrantsError),
 }
 
 /// A run for each driver and protocol: protocol after protocol, the drivers in their order.
@@ -28,11 +31,15 @@ pub enum MatrixError {
 /// # Errors
 /// [`MatrixError`] before anything is driven.
 pub fn requests(arguments: &MatrixArgs, cores: u16) -> Result<Vec<Request>, MatrixError> {
+    let mut drivers = arguments.drivers.clone();
+    if let Some(file) = &arguments.entrants {
+        drivers.extend(entrants::read(file)?);
+    }
     let mut labels = BTreeSet::new();
-    if let Some(entrant) = arguments.drivers.iter().find(|entrant| !labels.insert(&entrant.label)) {
+    if let Some(entrant) = drivers.iter().find(|entrant| !labels.insert(&entrant.label)) {
         return Err(MatrixError::Twice(entrant.label.clone()));
     }
-    let cells = arguments.protocols.iter().flat_map(|protocol| arguments.drivers.iter().map(move |it| (protocol, it)));
+    let cells = arguments.protocols.iter().flat_map(|protocol| drivers.iter().map(move |it| (protocol, it)));
     let request = |(protocol, entrant): (&ProtocolName, &Entrant)| {
         let label = entrant.label.clone();
         let run = RunArgs {

@@ -12,6 +12,8 @@
 //! settings = { cost = { start = "hand-tuned", learn = false } }
 //! ```
 
+mod entrants;
+
 use std::fmt::Write as _;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -160,7 +162,8 @@ pub enum AblationError {
 pub type MakeLearner<'a> = dyn Fn(&Settings) -> anyhow::Result<Box<dyn Learner>> + 'a;
 
 /// Trains all of a list, each into its folder within `folder`, going on where a training was stopped; one without a finite loss does
-/// not keep others from theirs. Draws them if `rerun` is set. Writes `ablation.csv` and `ablation.md` after each. None where somebody stopped it.
+/// not keep others from theirs. Draws them if `rerun` is set. Writes `ablation.csv`, `ablation.md` and `entrants.toml` after each. None where somebody
+/// stopped it.
 ///
 /// # Errors
 /// [`AblationError`].
@@ -190,6 +193,10 @@ pub fn run(
         outcomes.push(Outcome { run: run.clone(), last: last.unwrap_or_default(), failure });
         whole_file::write(&folder.join("ablation.csv"), csv(&outcomes).as_bytes())?;
         whole_file::write(&folder.join("ablation.md"), markdown(&outcomes).as_bytes())?;
+        if let Some(cost) = entrants::cost(&outcomes[outcomes.len() - 1]) {
+            whole_file::write(&own.join("cost.toml"), cost.as_bytes())?;
+        }
+        whole_file::write(&folder.join("entrants.toml"), entrants::of(&outcomes).as_bytes())?;
     }
     Ok(Some(outcomes))
 }

@@ -50,9 +50,9 @@ impl Evaluation {
     /// [`EvaluationError`].
     pub fn resolve(arguments: EvaluateArgs, cores: u16) -> Result<Self, EvaluationError> {
         let own = arguments.planner_command.clone().map(|command| {
-            let nobody = Entrant { label: String::new(), driver: String::new(), weights: None };
             let driver = drivers::DEFAULT.to_owned(); // not asked: the command is
-            RunArgs { planner_command: Some(command), label: arguments.label.clone(), driver, ..RunArgs::of(&nobody) }
+            let own = Entrant { driver, planner_command: Some(command), ..Entrant::default() };
+            RunArgs { label: arguments.label.clone(), ..RunArgs::of(&own) }
         });
         let mut networks = 0;
         let mut requests: Vec<Request> = Vec::new();

@@ -6,6 +6,7 @@
 //! - What they write to standard output and standard error comes out on the sim's standard error, and in a log.
 
 use std::collections::BTreeSet;
+use std::ffi::OsString;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -57,6 +58,14 @@ pub fn program(name: &str) -> Result<PathBuf, StartError> {
     let own = std::env::current_exe().map_err(|source| StartError::Spawn { name: name.to_owned(), source })?;
     let path = own.with_file_name(name).with_extension(std::env::consts::EXE_EXTENSION);
     if path.is_file() { Ok(path) } else { Err(StartError::Missing { name: name.to_owned(), path }) }
+}
+
+/// The search path for commands of users: the programs of this sim first, which are of its version.
+#[must_use]
+pub fn path_with_our_programs() -> Option<OsString> {
+    let own = std::env::current_exe().ok()?.parent()?.to_owned();
+    let others = std::env::var_os("PATH").unwrap_or_default();
+    std::env::join_paths(std::iter::once(own).chain(std::env::split_paths(&others))).ok()
 }
 
 /// A running process. It is killed when this is dropped.

@@ -27,7 +27,7 @@ use super::console::Console;
 use super::core::{Drive, Event};
 use super::drive::{Driven, drive};
 use super::frames::Frames;
-use super::process::{Groups, Process, program};
+use super::process::{self, Groups, Process, program};
 use super::shell;
 use super::voice::Voice;
 use super::witness::Witness;
@@ -271,6 +271,10 @@ impl Worker<'_> {
     fn start_own_planner(&self, command: &str, seat: &Seat) -> Result<Process, String> {
         let (worker, name) = (self.name.to_string(), self.node_name());
         let mut shell = Command::new("sh");
+        // So that a command finds the nodes of this sim, wherever they are installed.
+        if let Some(path) = process::path_with_our_programs() {
+            shell.env("PATH", path);
+        }
         shell.args(["-c", &shell::line(command), "sh", "--worker", &worker, "--name", &name]);
         shell.env("RELOOP_WORKER", &worker).env("RELOOP_NAME", &name);
         self.shared.start_command(&format!("planner {worker}"), shell, seat, &self.shared.groups)
