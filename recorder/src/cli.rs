@@ -44,6 +44,12 @@ pub struct Export {
     /// The file to write; beside the recording where it is not said
     #[arg(long, value_name = "FILE")]
     pub rrd: Option<PathBuf>,
+    /// Draw this recording of the same scene beside it
+    #[arg(long, value_name = "MCAP", conflicts_with = "run", requires = "rrd")]
+    pub beside: Option<PathBuf>,
+    /// Step before which the viewer begins to play both
+    #[arg(long, value_name = "STEP", default_value_t = 0, requires = "beside")]
+    pub from: u32,
     /// The run it is shown under; its own where it is not said
     #[arg(long, value_name = "NAME")]
     pub run: Option<String>,

@@ -43,7 +43,10 @@ fn export_file(arguments: &cli::Export) -> anyhow::Result<ExitCode> {
         format!("{}.rrd", stem.strip_suffix(".mcap").unwrap_or(stem)).into()
     };
     let rrd = arguments.rrd.clone().unwrap_or_else(beside);
-    if let Some(trouble) = export::export(&arguments.mcap, &rrd, arguments.run.as_deref(), arguments.force)? {
+    if let Some(other) = &arguments.beside {
+        let troubles = export::export_beside([&arguments.mcap, other], &rrd, arguments.from, arguments.force)?;
+        troubles.iter().for_each(|trouble| eprintln!("warning: {trouble}; the rest is drawn"));
+    } else if let Some(trouble) = export::export(&arguments.mcap, &rrd, arguments.run.as_deref(), arguments.force)? {
         eprintln!("warning: {} is {trouble}; the rest is drawn", arguments.mcap.display());
     }
     terminal::say(&format!("{}\n", rrd.display()))?;

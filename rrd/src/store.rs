@@ -37,6 +37,8 @@ pub fn encoder() -> Result<Encoder<Vec<u8>>, RrdError> {
 pub struct Store<'a> {
     encoder: &'a mut Encoder<Vec<u8>>,
     id: StoreId,
+    /// What all that is logged lies below.
+    root: EntityPath,
     /// Rows of a blueprint lie on a timeline of its own.
     is_blueprint: bool,
     chunks: u64,
@@ -64,7 +66,19 @@ impl<'a> Store<'a> {
         let id = StoreId::new(kind, APPLICATION, name);
         let info = StoreInfo::new(id.clone(), StoreSource::Other(format!("{APPLICATION} {program}")));
         encoder.append(&LogMsg::SetStoreInfo(SetStoreInfo { row_id: RowId::ZERO.as_tuid(), info }))?;
-        Ok(Self { encoder, id, is_blueprint: kind == StoreKind::Blueprint, chunks: 0, rows: 0 })
+        Ok(Self {
+            encoder,
+            id,
+            root: EntityPath::root(),
+            is_blueprint: kind == StoreKind::Blueprint,
+            chunks: 0,
+            rows: 0,
+        })
+    }
+
+    /// What is logged from now on lies below `root`.
+    pub fn below(&mut self, root: impl Into<EntityPath>) {
+        self.root = root.into();
     }
 
     /// Logs what holds for the whole recording.
@@ -73,7 +87,7 @@ impl<'a> Store<'a> {
     /// [`RrdError`].
     pub fn log(&mut self, path: impl Into<EntityPath>, what: &dyn AsComponents) -> Result<(), RrdError> {
         let times = if self.is_blueprint { vec![TimeColumn::new_sequence("blueprint", [0_i64])] } else { Vec::new() };
-        self.log_chunk(&chunk(path.into(), 1, times, columns_of_one_row(what)?)?)
+        self.log_chunk(&chunk(self.root.join(&path.into()), 1, times, columns_of_one_row(what)?)?)
     }
 
     /// Logs a row for each entry of `times`, which are equally long.
@@ -86,7 +100,7 @@ impl<'a> Store<'a> {
         times: Vec<TimeColumn>,
         columns: impl IntoIterator<Item = SerializedComponentColumn>,
     ) -> Result<(), RrdError> {
-        match columns_chunk(path, times, columns)? {
+        match columns_chunk(self.root.join(&path.into()), times, columns)? {
             Some(chunk) => self.log_chunk(&chunk),
             None => Ok(()),
         }

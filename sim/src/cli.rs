@@ -432,6 +432,12 @@ pub struct CompareArgs {
     /// Write JUnit XML too: a test case a scene, a failure for each new one
     #[arg(long, value_name = "FILE")]
     pub junit: Option<PathBuf>,
+    /// Show both drives of a scene side by side in the Rerun viewer, from where they part [default: the first that flipped]
+    #[arg(long, value_name = "SCENE", num_args = 0..=1, default_missing_value = "")]
+    pub open: Option<String>,
+    /// Where --open draws them [default: a file in the folder for temporary files]
+    #[arg(long, value_name = "FILE.rrd", requires = "open")]
+    pub rrd: Option<PathBuf>,
     /// What draws the resamples of the intervals
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,

@@ -5,6 +5,7 @@
 //! | [`cli`], [`request`] | what can be typed, and what it means |
 //! | [`entrants`] | a file of who drives |
 //! | [`matrix`] | several drivers over the same scenes |
+//! | [`side_by_side`] | two drives of a scene in one viewer |
 //! | [`predictions`] | the predictions of recorded episodes, scored |
 //! | [`replay`] | recorded episodes driven again |
 //! | [`run`] | many episodes: workers, nodes, the bus, interrupts |
@@ -21,4 +22,5 @@ pub mod predictions;
 pub mod replay;
 pub mod request;
 pub mod run;
+pub mod side_by_side;
 pub mod verify;

@@ -27,6 +27,7 @@ use sim::run::clock::{Clock, WallClock};
 use sim::run::console::Console;
 use sim::run::interrupt::{INTERRUPTED, Interrupts};
 use sim::run::{self, RunError};
+use sim::side_by_side;
 use sim::verify::verify;
 use tracing_subscriber::EnvFilter;
 
@@ -40,7 +41,7 @@ fn main() -> ExitCode {
         Command::Matrix(arguments) => drive_matrix(&arguments, clock, &console),
         Command::Evaluate(arguments) => evaluate(*arguments, clock, &console),
         Command::Table(arguments) => print_tables(&arguments, &console),
-        Command::Compare(arguments) => print_comparison(&arguments),
+        Command::Compare(arguments) => print_comparison(&arguments, &console),
         Command::Predictions(arguments) => print_predictions(&arguments, &console),
         Command::Replay(arguments) => replay_runs(&arguments),
         Command::Validity(arguments) => print_validity(&arguments),
@@ -145,7 +146,7 @@ fn print_tables(arguments: &TableArgs, console: &Console) -> anyhow::Result<Exit
 }
 
 /// Prints what differs between two runs; a rule that is broken makes the exit code.
-fn print_comparison(arguments: &CompareArgs) -> anyhow::Result<ExitCode> {
+fn print_comparison(arguments: &CompareArgs, console: &Console) -> anyhow::Result<ExitCode> {
     let comparison = compare(&arguments.baseline, &arguments.candidate, arguments.seed)?;
     let gates = gate::check(&comparison, &arguments.fail_on)?;
     if let Some(path) = &arguments.junit {
@@ -157,6 +158,17 @@ fn print_comparison(arguments: &CompareArgs) -> anyhow::Result<ExitCode> {
         CompareFormat::Markdown => markdown::render(&comparison, &gates),
         CompareFormat::Json => json::render(&comparison, &gates)?,
     })?;
+    if let Some(scene) = &arguments.open {
+        let shown = side_by_side::open(&comparison, scene, arguments.rrd.as_deref())?;
+        let part = match shown.part_at_step {
+            Some(step) => format!("they part after step {step}"),
+            None => "they never part".to_owned(),
+        };
+        console.line(&format!("{}: {part}; both side by side are in {}", shown.scene, shown.rrd.display()));
+        if !shown.viewer {
+            console.line("hint: no viewer was found: pip install rerun-sdk==0.36.3, then rerun FILE");
+        }
+    }
     Ok(if gates.iter().any(|gate| gate.hit) { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 

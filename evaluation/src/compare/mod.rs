@@ -50,6 +50,17 @@ pub enum CompareFormat {
     Json,
 }
 
+/// The first step after which the AVs of two runs under `protocol` are more than half a metre apart in `scene`; none where they never are
+/// while both drive.
+///
+/// # Errors
+/// [`results::parquet::ParquetError`] where the steps cannot be read.
+pub fn parting(a: &Path, b: &Path, protocol: &str, scene: &str) -> Result<Option<u32>, results::parquet::ParquetError> {
+    let scenes = std::collections::BTreeSet::from([scene]);
+    let read = |folder: &Path| steps::Steps::read(folder, protocol, &scenes);
+    Ok(read(a)?.parting(&read(b)?, scene))
+}
+
 /// The finished runs in the folders `a` (the baseline) and `b` (the candidate), compared; `seed` draws the resamples.
 ///
 /// # Errors

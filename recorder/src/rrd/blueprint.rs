@@ -9,8 +9,8 @@ use rrd::{Layout, RrdError, Store};
 use crate::palette;
 
 /// The riding camera's place and what it looks at, in the AV's frame (m).
-const RIDE_EYE: [f32; 3] = [-24.0, 0.0, 21.0];
-const RIDE_TARGET: [f32; 3] = [13.0, 0.0, 0.0];
+pub(super) const RIDE_EYE: [f32; 3] = [-24.0, 0.0, 21.0];
+pub(super) const RIDE_TARGET: [f32; 3] = [13.0, 0.0, 0.0];
 
 /// How high above the middle of the drive the overview's camera hangs: by the drive's extent, and at least (m).
 const OVERVIEW_SHARE: f32 = 0.9;

@@ -119,6 +119,11 @@ impl Frame {
         &self.places
     }
 
+    /// The last step at which it was somewhere.
+    pub fn last_step(&self) -> u32 {
+        self.steps.last().copied().unwrap_or_default()
+    }
+
     /// Writes it.
     pub fn log(self, store: &mut Store<'_>, path: impl Into<EntityPath>) -> Result<(), RrdError> {
         let frame = Transform3D::update_fields().with_many_translation(self.places).with_many_quaternion(self.turns);

@@ -208,6 +208,29 @@ impl Drawing {
     /// # Errors
     /// [`RrdError`].
     pub fn finish(mut self, run: &str, settings: &str) -> Result<Vec<u8>, RrdError> {
+        self.show_the_end();
+        let scene = self.scene_name();
+        let id = format!("{run}.{scene}.{:08x}", crc32fast::hash(settings.as_bytes()));
+        let mut encoder = rrd::encoder()?;
+        let blueprint = Store::blueprint(&mut encoder, "recorder", &id)?;
+        blueprint::write(blueprint, self.ride.places(), &self.plots.views())?;
+        let mut store = Store::recording(&mut encoder, "recorder", &id)?;
+        store.log(EntityPath::properties(), &RecordingInfo::new().with_name(format!("{run}, {scene}")))?;
+        store.log("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;
+        store.log("settings", &TextDocument::from_markdown(format!("```toml\n{}\n```\n", settings.trim_end())))?;
+        self.write(&mut store)?;
+        encoder.finish()?;
+        Ok(encoder.into_inner()?)
+    }
+
+    /// The scene that is drawn; empty without one.
+    #[must_use]
+    pub fn scene_name(&self) -> String {
+        self.scene.as_ref().map(|scene| scene.scene.clone()).unwrap_or_default()
+    }
+
+    /// Draws where everybody is after the last step.
+    pub(super) fn show_the_end(&mut self) {
         if let Some(Last { step, av, logged }) = self.last.take() {
             self.place_av(step, &av);
             self.place_ghost(step, logged);
@@ -215,20 +238,23 @@ impl Drawing {
                 self.place_agents(step, &agents);
             }
         }
+    }
+
+    /// Steps that are drawn.
+    pub(super) fn steps(&self) -> u32 {
+        self.ride.last_step()
+    }
+
+    /// The range of speeds (m/s) that its plot shows.
+    pub(super) fn speeds(&self) -> [f64; 2] {
+        self.plots.views()[0].2
+    }
+
+    /// Writes all that is drawn.
+    pub(super) fn write(mut self, store: &mut Store<'_>) -> Result<(), RrdError> {
         let scene = self.scene.take().unwrap_or_default();
-        let id = format!("{run}.{}.{:08x}", scene.scene, crc32fast::hash(settings.as_bytes()));
-        let mut encoder = rrd::encoder()?;
-        let blueprint = Store::blueprint(&mut encoder, "recorder", &id)?;
-        blueprint::write(blueprint, self.ride.places(), &self.plots.views())?;
-        let mut store = Store::recording(&mut encoder, "recorder", &id)?;
-        let name = format!("{run}, {}", scene.scene);
-        store.log(EntityPath::properties(), &RecordingInfo::new().with_name(name))?;
-        store.log("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;
-        store.log("settings", &TextDocument::from_markdown(format!("```toml\n{}\n```\n", settings.trim_end())))?;
-        self.write_map(&mut store, &scene)?;
-        self.write_steps(&mut store)?;
-        encoder.finish()?;
-        Ok(encoder.into_inner()?)
+        self.write_map(store, &scene)?;
+        self.write_steps(store)
     }
 
     fn write_map(&self, store: &mut Store<'_>, scene: &proto::Scene) -> Result<(), RrdError> {

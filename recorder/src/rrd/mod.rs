@@ -1,8 +1,10 @@
 //! An episode as a Rerun recording. `docs/recordings.md` lists the entities and timelines.
 
+mod beside;
 mod blueprint;
 mod columns;
 mod drawing;
 
+pub use beside::{Side, beside};
 pub use drawing::Drawing;
 pub use rrd::{APPLICATION, RrdError};
