@@ -56,6 +56,8 @@ pub enum DrivesError {
 pub struct Run {
     /// Its folder.
     pub folder: PathBuf,
+    /// It in a line.
+    pub summary: Summary,
     /// Who drove what, by which rules.
     pub file: RunFile,
     /// Its episodes, a row each, in the order of its scenes.
@@ -88,7 +90,7 @@ impl Run {
     /// [`DrivesError`].
     pub fn open(folder: &Path, scenarios: &[String]) -> Result<Self, DrivesError> {
         // It refuses all that is no finished run, with the reason.
-        Summary::read(folder)?;
+        let summary = Summary::read(folder)?;
         let file = read_run_file(folder).map_err(SummaryError::from)?;
         let file = file.ok_or_else(|| SummaryError::NoRun(folder.to_owned()))?;
         let scenes = SceneSet::open(if scenarios.is_empty() { &file.machine.scenarios } else { scenarios })?;
@@ -104,7 +106,7 @@ impl Run {
             places.push(place);
         }
         let results = Table::read(&folder.join("results.parquet"))?;
-        Ok(Self { folder: folder.to_owned(), file, results, scenes, places })
+        Ok(Self { folder: folder.to_owned(), summary, file, results, scenes, places })
     }
 
     /// What `judge` says of each drive, in the order of the scenes, for any number of cores. `columns` of `steps.parquet` are read

@@ -9,6 +9,7 @@
 //! | [`predictions`] | predictions made in a drive against what the agents then did |
 //! | [`recorded`] | a recording's messages, for both of these |
 //! | [`drives`] | the drives of a finished run beside their scenes, for whoever judges them again |
+//! | [`score`](mod@score) | every score from one drive: ours and other tools' |
 //! | [`replay`] | an episode driven again by the plans of its recording |
 
 pub mod compare;
@@ -18,4 +19,5 @@ pub mod predictions;
 pub mod recorded;
 pub mod replay;
 pub mod scenes;
+pub mod score;
 pub mod table;
