@@ -174,7 +174,8 @@ fn is_offroad(edges: &EdgePoints, ground: Option<&Ground>, state: &AgentState, b
             && body.distance_to(&piece) < AT_EDGE
     });
     let floor = Ground::below(state);
-    let in_lanes = |ground: &Ground| body.rim().into_iter().all(|point| !ground.lanes.at(point, floor).is_empty());
+    let in_lanes =
+        |ground: &Ground| body.rim().into_iter().all(|point| !ground.surface().lanes.at(point, floor).is_empty());
     at_edge && !ground.is_some_and(in_lanes)
 }
 

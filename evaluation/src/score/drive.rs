@@ -13,6 +13,9 @@ use world::scene::{AgentState, Judgement, Scene, Unjudged};
 use super::ground::Ground;
 use crate::drives::Driven;
 
+/// All that a scene may not allow to judge.
+const JUDGEMENTS: [Judgement; 4] = [Judgement::Collision, Judgement::OffRoad, Judgement::WrongWay, Judgement::Speeding];
+
 /// A drive of a run.
 pub struct Drive<'a> {
     /// The scene as it lies in its file.
@@ -33,11 +36,12 @@ pub struct Drive<'a> {
 }
 
 impl<'a> Drive<'a> {
-    /// The drive of a run under `protocol`; or why there is none to judge.
+    /// The drive of a run under `protocol`; or why there is none to judge. `unjudged` names what its scene does not allow to judge, as
+    /// `results.parquet` has it of runs under `strict`.
     ///
     /// # Errors
     /// A sentence.
-    pub fn of(driven: &'a Driven, protocol: &'a Protocol) -> Result<Self, String> {
+    pub fn of(driven: &'a Driven, protocol: &'a Protocol, unjudged: &str) -> Result<Self, String> {
         let (scene, start) = (&driven.scene, driven.start as usize);
         let begin = scene.av().states.get(start).copied().flatten();
         let begin = begin.ok_or_else(|| format!("the log has no state of the AV at log index {start}"))?;
@@ -59,13 +63,29 @@ impl<'a> Drive<'a> {
         let mut states: Vec<AgentState> = driven.states.iter().enumerate().map(state).collect();
         let size = states.first().map_or((begin.length, begin.width), |first| (first.length, first.width));
         states.insert(0, AgentState { length: size.0, width: size.1, ..begin });
+        let drive = Self::new(scene, protocol, start, states, &driven.states);
+        if matches!(protocol, Protocol::Strict(_)) {
+            let named = |judgement: &Judgement| unjudged.split(", ").any(|name| name == judgement.to_string());
+            let _ = drive.unjudged.set(JUDGEMENTS.into_iter().filter(named).collect());
+        }
+        Ok(drive)
+    }
+
+    /// The drive through `scene` under `protocol` in which the AV was in `states`, the first at log index `start`.
+    pub(super) fn new(
+        scene: &'a Arc<Scene>,
+        protocol: &'a Protocol,
+        start: usize,
+        states: Vec<AgentState>,
+        driven: &'a [PlanState],
+    ) -> Self {
         let horizon = match protocol {
             Protocol::Strict(settings) => settings.horizon,
             Protocol::Paper => paper::MOST_STEPS,
         };
         let end = start.saturating_add(horizon as usize).saturating_add(1).min(scene.steps());
         let (bridged, unjudged, ground) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
-        Ok(Self { scene, protocol, start, end, states, driven: &driven.states, bridged, unjudged, ground })
+        Self { scene, protocol, start, end, states, driven, bridged, unjudged, ground }
     }
 
     /// The columns of `steps.parquet` that it reads beside the AV's place.

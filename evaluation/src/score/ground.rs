@@ -1,6 +1,7 @@
 //! What the map says around the route: the line, the lanes as strips, the road's edges. What the scores of other tools ask of their
 //! drivable areas, lane polygons and paths is asked of these.
 
+use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
@@ -25,12 +26,8 @@ pub struct Ground {
     pub line: Polyline,
     /// Its points in a grid.
     pub samples: PointGrid,
-    /// Lanes as strips of ground.
-    pub lanes: Lanes,
-    /// The road's edges.
-    pub edges: RoadEdges,
-    /// For each strip, whether its lane is one of the route's or beside one, in the same direction.
-    pub on_route: Vec<bool>,
+    level: Level,
+    surface: OnceCell<Surface>,
     scene: Arc<Scene>,
     route: Vec<MapId>,
     length: f64,
@@ -44,15 +41,23 @@ impl Ground {
         let every_metre = (0..line.len()).step_by(10);
         let points: Vec<Point3> = every_metre.map(|at| Point3::new(line.x[at], line.y[at], line.z[at])).collect();
         let level = Level::along(&points, CORRIDOR);
-        let lanes = Lanes::of(scene.map(), &level);
-        let edges = RoadEdges::of(scene.map(), &level);
         let polyline = Polyline::new((0..line.len()).map(|index| line.point(index)).collect());
         let line = polyline.ok_or("the route has no line")?;
-        let beside = with_neighbors(scene, &route);
-        let on_route = lanes.strips().iter().map(|strip| beside.contains(&strip.id)).collect();
         let length = line.length();
         let samples = PointGrid::new(line.points().to_vec(), 2.0);
-        Ok(Self { samples, line, lanes, edges, on_route, scene: Arc::clone(scene), route, length })
+        let surface = OnceCell::new();
+        Ok(Self { line, samples, level, surface, scene: Arc::clone(scene), route, length })
+    }
+
+    /// Lanes and edges. They cost more than all the rest: whoever asks no lane does not pay for them.
+    pub fn surface(&self) -> &Surface {
+        self.surface.get_or_init(|| {
+            let lanes = Lanes::of(self.scene.map(), &self.level);
+            let edges = RoadEdges::of(self.scene.map(), &self.level);
+            let beside = with_neighbors(&self.scene, &self.route);
+            let on_route = lanes.strips().iter().map(|strip| beside.contains(&strip.id)).collect();
+            Surface { lanes, edges, on_route }
+        })
     }
 
     /// The points of the centre lines of all lanes that a car can come to from the route's begin by lanes that lead on or lie beside,
@@ -92,6 +97,16 @@ impl Ground {
     pub(super) fn follow(&self) -> Along<'_> {
         Along { line: &self.line, at: None }
     }
+}
+
+/// What there is to drive on.
+pub struct Surface {
+    /// Lanes as strips of ground.
+    pub lanes: Lanes,
+    /// The road's edges.
+    pub edges: RoadEdges,
+    /// For each strip, whether its lane is one of the route's or beside one, in the same direction.
+    pub on_route: Vec<bool>,
 }
 
 /// The lanes beside a route, and the others that lead away from its begin.

@@ -29,6 +29,9 @@ mod paper;
 mod rows;
 mod strict;
 mod table;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests;
 mod waymax;
 
 use std::collections::BTreeMap;
@@ -217,6 +220,7 @@ struct Told<'r> {
     scenes: Vec<String>,
     numbers: BTreeMap<String, Vec<Option<f64>>>,
     starts: Vec<u32>,
+    unjudged: Vec<String>,
     /// Why an episode has no result; empty where it has.
     failures: Vec<String>,
 }
@@ -236,6 +240,7 @@ impl<'r> Told<'r> {
             scenes: table.text("scene")?,
             numbers: table.numbers()?,
             starts: table.counts("start_log_index")?,
+            unjudged: table.text("unjudged")?,
             failures: (0..failed.len()).map(failure).collect(),
         })
     }
@@ -260,7 +265,7 @@ impl<'r> Told<'r> {
             start: self.starts[index],
         };
         let failure = &self.failures[index];
-        let drive = driven.map(|driven| Drive::of(driven, &self.run.file.settings.protocol));
+        let drive = driven.map(|driven| Drive::of(driven, &self.run.file.settings.protocol, &self.unjudged[index]));
         let mut again = again::Again::default();
         for &score in scores {
             let judged = match &drive {

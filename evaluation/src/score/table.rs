@@ -69,7 +69,7 @@ impl Printed<'_> {
 
     /// The table of a score, under its name.
     fn table(&self, group: &Group, of: &str, body: impl Fn(Range<usize>) -> Table) -> String {
-        let shown = shown(group).count();
+        let shown = shown(group).filter(|(index, _)| !self.scenes || group.figures[*index].is_of_episodes()).count();
         let name = group.score.name();
         if self.format == Format::Markdown {
             let mut table = body(0..shown);

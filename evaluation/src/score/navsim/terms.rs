@@ -14,7 +14,7 @@ use world::vehicle::WHEELBASE;
 use super::comfort;
 use crate::score::convex;
 use crate::score::drive::Drive;
-use crate::score::ground::Ground;
+use crate::score::ground::{Ground, Surface};
 
 /// Steps ahead at which boxes are held against each other (`future_collision_horizon_window`).
 const AHEAD: [usize; 4] = [0, 3, 6, 9];
@@ -50,7 +50,8 @@ impl Terms {
     /// Those of `states`, the first of which is at the drive's start.
     pub(super) fn of(drive: &Drive<'_>, ground: &Ground, states: &[AgentState]) -> Self {
         let bodies: Vec<Body> = states.iter().map(|state| Body::of(*state)).collect();
-        let areas: Vec<Area> = bodies.iter().map(|body| Area::of(ground, body)).collect();
+        let surface = ground.surface();
+        let areas: Vec<Area> = bodies.iter().map(|body| Area::of(surface, body)).collect();
         let series = Series { drive, ground, bodies: &bodies, areas: &areas };
         let kept = |judgement: Judgement, value: f64| Some(value).filter(|_| drive.is_judged(judgement));
         // One that is broken is broken, whatever else cannot be judged.
@@ -92,18 +93,18 @@ struct Area {
 }
 
 impl Area {
-    fn of(ground: &Ground, body: &Body) -> Self {
+    fn of(surface: &Surface, body: &Body) -> Self {
         let floor = Ground::below(&body.state);
-        let lanes = &ground.lanes;
+        let lanes = &surface.lanes;
         let corners = body.outline.corners().map(|corner| lanes.at(corner, floor));
         let all: BTreeSet<usize> = corners.iter().flatten().copied().collect();
         let holds_all = |lane: &usize| corners.iter().all(|corner| corner.contains(lane));
-        let beyond = ground.edges.beyond(body, floor);
+        let beyond = surface.edges.beyond(body, floor);
         let center = body.outline.center;
         Self {
             several_lanes: all.len() > 1 && !all.iter().any(holds_all),
             outside: (0..4).any(|at| corners[at].is_empty() && beyond[at].is_some_and(|beyond| beyond > 0.0)),
-            oncoming: !lanes.at(center, floor).into_iter().any(|lane| ground.on_route[lane]),
+            oncoming: !lanes.at(center, floor).into_iter().any(|lane| surface.on_route[lane]),
             in_intersection: lanes.is_intersection(center, floor),
             axle_in_intersection: lanes.is_intersection(body.rear_axle(WHEELBASE), floor),
         }
@@ -206,10 +207,11 @@ impl Series<'_> {
                 return false;
             }
             let red = self.drive.scene.signals(log_index).iter().filter(|signal| signal.state.is_red());
-            let strips = self.ground.lanes.strips();
+            let Surface { lanes, on_route, .. } = self.ground.surface();
+            let strips = lanes.strips();
             let mut lanes = red.flat_map(|signal| {
                 let of_signal = strips.iter().enumerate().filter(|(_, strip)| strip.id == signal.lane);
-                of_signal.filter(|(lane, _)| self.ground.on_route[*lane]).map(|(_, strip)| (strip, signal.stop_point))
+                of_signal.filter(|(lane, _)| on_route[*lane]).map(|(_, strip)| (strip, signal.stop_point))
             });
             let corners = body.outline.corners();
             let is_level = |height: f64| (height - Ground::below(&body.state)).abs() <= STOREY;
