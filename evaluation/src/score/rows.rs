@@ -13,7 +13,10 @@ use super::{Episode, Scored};
 /// # Errors
 /// [`ParquetError`] where the file cannot be written.
 pub fn write(path: &Path, runs: &[Scored]) -> Result<(), ParquetError> {
-    let episodes = || runs.iter().flat_map(|run| run.episodes.iter().map(move |episode| (run, episode)));
+    let rows = runs.iter().flat_map(|run| run.episodes.iter().map(move |episode| (run, episode)));
+    // Columns ask how many there are.
+    let rows: Vec<(&Scored, &Episode)> = rows.collect();
+    let episodes = || rows.iter().copied();
     let mut columns = Columns::default();
     columns.text("run", episodes().map(|(run, _)| run.run.folder.to_string_lossy()));
     columns.text("driver", episodes().map(|(run, _)| &run.run.driver));
@@ -40,21 +43,18 @@ pub(super) fn reasons(episode: &Episode) -> String {
 /// # Errors
 /// [`ParquetError`] where the file cannot be written.
 pub fn write_steps(path: &Path, runs: &[Scored]) -> Result<(), ParquetError> {
-    let steps = || {
-        runs.iter().flat_map(|run| {
-            run.episodes.iter().flat_map(move |episode| {
-                episode.steps.iter().enumerate().map(move |(step, values)| (run, episode, step as u32, values))
-            })
-        })
-    };
+    let episodes = runs.iter().flat_map(|run| run.episodes.iter().map(move |episode| (run, episode)));
+    let rows = episodes.flat_map(|(run, episode)| (0..episode.steps.len()).map(move |step| (run, episode, step)));
+    let rows: Vec<(&Scored, &Episode, usize)> = rows.collect();
+    let steps = || rows.iter().copied();
     let mut columns = Columns::default();
     columns.text("run", steps().map(|(run, ..)| run.run.folder.to_string_lossy()));
     columns.text("driver", steps().map(|(run, ..)| &run.run.driver));
     columns.text("scene", steps().map(|(_, episode, ..)| &episode.scene));
-    columns.count("step", steps().map(|(_, _, step, _)| step));
-    columns.count("log_index", steps().map(|(_, episode, step, _)| episode.start + 1 + step));
+    columns.count("step", steps().map(|(.., step)| step as u32));
+    columns.count("log_index", steps().map(|(_, episode, step)| episode.start + 1 + step as u32));
     for (index, (name, _)) in STEP_FIGURES.iter().enumerate() {
-        columns.maybe(name, steps().map(|(.., values)| values[index]));
+        columns.maybe(name, steps().map(|(_, episode, step)| episode.steps[step][index]));
     }
     let batch = columns.batch()?;
     parquet::write(path, batch.schema(), [Ok(batch)])
