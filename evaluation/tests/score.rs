@@ -35,9 +35,9 @@ fn drive(scene: &Scene, steps: u32) -> Part {
     }
 }
 
-/// A run over the demo set; the driver of its last scene failed. Unfinished if nobody merges it.
-fn run(root: &Path, protocol: &str, finish: bool) -> PathBuf {
-    let scenes = SceneSet::open(&[]).unwrap();
+/// A run over these scenes, or the demo set; the driver of its last scene failed. Unfinished if nobody merges it.
+fn run_over(inputs: &[String], root: &Path, protocol: &str, finish: bool) -> PathBuf {
+    let scenes = SceneSet::open(inputs).unwrap();
     let entries = scenes.entries();
     let line = |entry: &scenarios::SceneEntry| SceneLine { id: entry.id.to_string(), sha256: entry.sha256.clone() };
     let file = RunFile {
@@ -56,7 +56,7 @@ fn run(root: &Path, protocol: &str, finish: bool) -> PathBuf {
             start_timeout_s: 20.0,
             endpoint: None,
             weights: None,
-            scenarios: Vec::new(),
+            scenarios: inputs.to_vec(),
         },
         scenes: entries.iter().map(line).collect(),
     };
@@ -75,6 +75,18 @@ fn run(root: &Path, protocol: &str, finish: bool) -> PathBuf {
         results::merge(&folder, &file, None).unwrap();
     }
     path
+}
+
+fn run(root: &Path, protocol: &str, finish: bool) -> PathBuf {
+    run_over(&[], root, protocol, finish)
+}
+
+/// Writes a run of the log's own drives through the scenes in `SCORE_SCENES` into the folder `SCORE_RUN`, to measure `sim score` on.
+#[test]
+#[ignore = "writes what its variables say"]
+fn write_a_run_to_measure() {
+    let [scenes, out] = ["SCORE_SCENES", "SCORE_RUN"].map(|name| std::env::var(name).unwrap());
+    run_over(&[scenes], Path::new(&out), "strict", true);
 }
 
 #[test]

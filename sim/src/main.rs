@@ -172,8 +172,11 @@ fn width() -> usize {
 fn print_scores(arguments: &ScoreArgs) -> anyhow::Result<ExitCode> {
     let mut runs = Vec::new();
     for folder in &arguments.runs {
-        let run = Run::open(folder, &arguments.scenarios)?;
-        runs.push(score::score(&run, &arguments.scores(), arguments.out_steps.is_some())?);
+        let (scores, mut run) = (arguments.scores(), Run::read(folder)?);
+        if !score::need_no_scenes(&run.file.settings.protocol, &scores) {
+            run = Run::open(folder, &arguments.scenarios)?;
+        }
+        runs.push(score::score(&run, &scores, arguments.out_steps.is_some())?);
     }
     if let Some(path) = &arguments.out {
         score::write(path, &runs)?;

@@ -37,6 +37,7 @@ mod waymax;
 use std::collections::BTreeMap;
 
 use clap::ValueEnum;
+use episode::protocol::Protocol;
 use results::parquet::ParquetError;
 use results::summary::Summary;
 use thiserror::Error;
@@ -195,6 +196,21 @@ impl Group {
     }
 }
 
+/// Whether the results of a run under `protocol` hold all that these scores tell: then its scenes are not needed.
+#[must_use]
+pub fn need_no_scenes(protocol: &Protocol, scores: &[Score]) -> bool {
+    scores.iter().all(|score| is_told(protocol, *score))
+}
+
+fn is_told(protocol: &Protocol, score: Score) -> bool {
+    match score {
+        Score::Strict => strict::is_as_driven(protocol),
+        Score::Paper => paper::is_as_driven(protocol),
+        Score::Nuplan => nuplan::is_as_driven(protocol),
+        Score::Navsim | Score::Waymax | Score::Alpasim => false,
+    }
+}
+
 /// Scores a run: each of its drives by each of `scores`; Waymax's figures step by step too, if they are asked for.
 ///
 /// # Errors
@@ -206,7 +222,7 @@ pub fn score(run: &Run, scores: &[Score], with_steps: bool) -> Result<Scored, Sc
         groups.push(Group { score, figures: score.figures(), first });
     }
     let told = Told::of(run)?;
-    let episodes = if scores.iter().all(|score| told.has(*score)) {
+    let episodes = if need_no_scenes(&run.file.settings.protocol, scores) {
         (0..told.scenes.len()).map(|index| told.episode(index, scores, None, with_steps)).collect()
     } else {
         run.each(&Drive::COLUMNS, |driven| told.episode(driven.index, scores, Some(driven), with_steps))?
@@ -247,13 +263,7 @@ impl<'r> Told<'r> {
 
     /// Whether it has all that a score tells.
     fn has(&self, score: Score) -> bool {
-        let protocol = &self.run.file.settings.protocol;
-        match score {
-            Score::Strict => strict::is_as_driven(protocol),
-            Score::Paper => paper::is_as_driven(protocol),
-            Score::Nuplan => nuplan::is_as_driven(protocol),
-            Score::Navsim | Score::Waymax | Score::Alpasim => false,
-        }
+        is_told(&self.run.file.settings.protocol, score)
     }
 
     fn episode(&self, index: usize, scores: &[Score], driven: Option<&Driven>, with_steps: bool) -> Episode {

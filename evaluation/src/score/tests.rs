@@ -7,7 +7,7 @@ mod straight_road;
 use std::sync::Arc;
 
 use episode::driver::drive;
-use episode::protocol::{Protocol, StrictSettings};
+use episode::protocol::StrictSettings;
 use episode::{Episode, Outcome};
 use straight_road::{START, StraightRoad, car, to_lateral};
 use wire::proto;
