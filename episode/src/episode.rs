@@ -270,6 +270,17 @@ impl Episode {
         self.settle(heading)
     }
 
+    /// Puts the AV on a state a step later, as if it could do what that says, and judges it there: a drive that was driven before is
+    /// judged again. It ends as any other; after the end nothing more happens.
+    pub fn put(&mut self, state: &PlanState) -> &Advance {
+        if self.advance.ended.is_some() {
+            return &self.advance;
+        }
+        let heading = self.rules.av().heading;
+        self.rules.put(state, None);
+        self.settle(heading)
+    }
+
     /// Plays a plan out as if the AV could do what it says: the AV is put on each of its states in turn and judged there. Nothing ends
     /// that but the log.
     pub fn play_out(&mut self, states: &[PlanState]) -> Outcome {

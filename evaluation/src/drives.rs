@@ -64,12 +64,21 @@ pub enum DrivesError {
 pub struct Run {
     /// Its folder.
     pub folder: PathBuf,
+    /// It in a line.
+    pub summary: Summary,
     /// Who drove what, by which rules.
     pub file: RunFile,
     /// Its episodes, a row each, in the order of its scenes.
     pub results: Table,
-    scenes: SceneSet,
-    /// Where each of its scenes is in the set.
+    /// Its scenes, where they are open.
+    scenes: Option<Scenes>,
+}
+
+/// The scenes of a run.
+#[derive(Debug)]
+struct Scenes {
+    set: SceneSet,
+    /// Where each of the run's scenes is in the set.
     places: Vec<usize>,
 }
 
@@ -91,30 +100,40 @@ pub struct Driven {
 }
 
 impl Run {
+    /// The finished run in `folder`, held to its digest, its scenes not opened yet: who asks its results alone needs none.
+    ///
+    /// # Errors
+    /// [`DrivesError`].
+    pub fn read(folder: &Path) -> Result<Self, DrivesError> {
+        // It refuses all that is no finished run, with the reason.
+        let summary = Summary::read(folder)?;
+        let file = read_run_file(folder).map_err(SummaryError::from)?;
+        let file = file.ok_or_else(|| SummaryError::NoRun(folder.to_owned()))?;
+        let results = Table::read(&folder.join("results.parquet"))?;
+        Ok(Self { folder: folder.to_owned(), summary, file, results, scenes: None })
+    }
+
     /// The finished run in `folder`, held to its digest. Its scenes are looked for where they were, or in `scenarios` if that says
     /// something, and must be those that were driven.
     ///
     /// # Errors
     /// [`DrivesError`].
     pub fn open(folder: &Path, scenarios: &[String]) -> Result<Self, DrivesError> {
-        // It refuses all that is no finished run, with the reason.
-        Summary::read(folder)?;
-        let file = read_run_file(folder).map_err(SummaryError::from)?;
-        let file = file.ok_or_else(|| SummaryError::NoRun(folder.to_owned()))?;
-        let scenes = SceneSet::open(if scenarios.is_empty() { &file.machine.scenarios } else { scenarios })?;
-        let entries = scenes.entries().iter().enumerate();
+        let mut run = Self::read(folder)?;
+        let set = SceneSet::open(if scenarios.is_empty() { &run.file.machine.scenarios } else { scenarios })?;
+        let entries = set.entries().iter().enumerate();
         let by_id: BTreeMap<&str, usize> = entries.map(|(place, entry)| (entry.id.as_str(), place)).collect();
-        let mut places = Vec::with_capacity(file.scenes.len());
-        for line in &file.scenes {
+        let mut places = Vec::with_capacity(run.file.scenes.len());
+        for line in &run.file.scenes {
             let (run, scene) = (folder.to_owned(), line.id.clone());
             let Some(&place) = by_id.get(line.id.as_str()) else { return Err(DrivesError::NoScene { run, scene }) };
-            if scenes.entries()[place].sha256 != line.sha256 {
+            if set.entries()[place].sha256 != line.sha256 {
                 return Err(DrivesError::OtherScene { run, scene });
             }
             places.push(place);
         }
-        let results = Table::read(&folder.join("results.parquet"))?;
-        Ok(Self { folder: folder.to_owned(), file, results, scenes, places })
+        run.scenes = Some(Scenes { set, places });
+        Ok(run)
     }
 
     /// What `judge` says of each drive, in the order of the scenes, for any number of cores. `columns` of `steps.parquet` are read
@@ -123,19 +142,21 @@ impl Run {
     /// # Errors
     /// [`DrivesError`] of the first drive that cannot be read.
     pub fn each<T: Send>(&self, columns: &[&str], judge: impl Fn(&Driven) -> T + Sync) -> Result<Vec<T>, DrivesError> {
+        let Some(scenes) = &self.scenes else { return Self::open(&self.folder, &[])?.each(columns, judge) };
         let wanted: Vec<&str> = PLACES.iter().chain(columns).copied().collect();
         let mut steps = ByScene::open(&self.folder.join("steps.parquet"), &wanted)?;
         let (driven, starts) = (self.results.counts("steps")?, self.results.counts("start_log_index")?);
-        let mut judged = Vec::with_capacity(self.places.len());
-        let indices: Vec<usize> = (0..self.places.len()).collect();
+        let mut judged = Vec::with_capacity(scenes.places.len());
+        let indices: Vec<usize> = (0..scenes.places.len()).collect();
         for some in indices.chunks(AT_A_TIME * rayon::current_num_threads()) {
             let mut rows = Vec::with_capacity(some.len());
             for &index in some {
                 let table = if driven[index] == 0 { None } else { Some(self.rows(&mut steps, index)?) };
                 rows.push((index, table));
             }
-            let told =
-                rows.into_par_iter().map(|(index, steps)| Ok(judge(&self.drive(index, starts[index], steps)?)));
+            let told = rows
+                .into_par_iter()
+                .map(|(index, steps)| Ok(judge(&self.drive(scenes, index, starts[index], steps)?)));
             for one in told.collect::<Vec<Result<T, DrivesError>>>() {
                 judged.push(one?);
             }
@@ -155,8 +176,8 @@ impl Run {
         }
     }
 
-    fn drive(&self, index: usize, start: u32, steps: Option<Table>) -> Result<Driven, DrivesError> {
-        let (scene, _) = self.scenes.load(self.places[index])?;
+    fn drive(&self, scenes: &Scenes, index: usize, start: u32, steps: Option<Table>) -> Result<Driven, DrivesError> {
+        let (scene, _) = scenes.set.load(scenes.places[index])?;
         let (states, controls) = match &steps {
             Some(table) => self.states(&self.file.scenes[index].id, table)?,
             None => Default::default(),

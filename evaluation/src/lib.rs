@@ -10,6 +10,7 @@
 //! | [`recorded`] | a recording's messages, for both of these |
 //! | [`drives`] | the drives of a finished run beside their scenes, for whoever judges them again |
 //! | [`validity`] | where a replayed agent would have had to react to the AV, and what figures are worth without those steps |
+//! | [`score`](mod@score) | every score from one drive: ours and other tools' |
 //! | [`replay`] | an episode driven again by the plans of its recording |
 
 pub mod compare;
@@ -19,5 +20,6 @@ pub mod predictions;
 pub mod recorded;
 pub mod replay;
 pub mod scenes;
+pub mod score;
 pub mod table;
 pub mod validity;

@@ -20,11 +20,11 @@ pub enum TableFormat {
 }
 
 /// Marks a mean over fewer episodes than its line counts.
-const FEWER: &str = "*";
+pub(crate) const FEWER: &str = "*";
 
 /// How a column's numbers are written.
-#[derive(Clone, Copy)]
-enum Show {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Show {
     /// A share of episodes, as percentage with one digit.
     Percent,
     /// A mean, with so many digits.
@@ -32,10 +32,10 @@ enum Show {
 }
 
 /// A column: its head in lines, its name in CSV, the metric behind it, how it is written.
-struct Column(&'static [&'static str], &'static str, &'static str, Show);
+pub(crate) struct Column(pub(crate) &'static [&'static str], &'static str, pub(crate) &'static str, pub(crate) Show);
 
 /// After the paper's columns come ours.
-const COLUMNS: &[Column] = &[
+pub(crate) const COLUMNS: &[Column] = &[
     Column(&["colli-", "sion", "%"], "collision_percent", "collision", Show::Percent),
     Column(&["at", "fault", "%"], "at_fault_collision_percent", "at_fault_collision", Show::Percent),
     Column(&["off", "route", "%"], "off_route_percent", "off_route", Show::Percent),

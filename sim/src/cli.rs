@@ -9,6 +9,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use evaluation::compare::CompareFormat;
 use evaluation::compare::gate::FailOn;
 use evaluation::open_loop::{Definitions, table};
+use evaluation::score::{self, Score};
 use evaluation::table::TableFormat;
 use results::drivers::{self, DRIVERS, MotionName, Predictor};
 use results::settings::Record;
@@ -45,6 +46,10 @@ pub enum Command {
     ///
     /// A is the baseline, B the candidate. Exits with 1 when a --fail-on rule is broken. docs/compare.md defines every figure.
     Compare(CompareArgs),
+    /// Score finished runs by other tools' definitions, without driving again
+    ///
+    /// Every score from one drive: from its steps and its scenes. docs/scores/README.md says which to use when, and has a page on each.
+    Score(ScoreArgs),
     /// Score the predictions of recorded drives against what the agents then did
     Predictions(PredictionsArgs),
     /// Drive recorded episodes again by their plans, and say whether all is the same
@@ -397,6 +402,50 @@ pub struct ValidityArgs {
     /// How to print
     #[arg(long, value_enum, default_value_t)]
     pub format: TableFormat,
+}
+
+/// `sim score`.
+#[derive(Debug, Args)]
+pub struct ScoreArgs {
+    /// Folders of finished runs
+    #[arg(required = true, value_name = "DIR")]
+    pub runs: Vec<PathBuf>,
+    /// By whose definitions, as nuplan,navsim [default: all]
+    #[arg(long = "as", value_enum, value_name = "SCORES", value_delimiter = ',')]
+    pub scores: Vec<Score>,
+    /// A row an episode
+    #[arg(long)]
+    pub scenes: bool,
+    /// How to print
+    #[arg(long, value_enum, default_value_t)]
+    pub format: score::Format,
+    /// Write every figure of every episode too
+    #[arg(long, value_name = "FILE.parquet")]
+    pub out: Option<PathBuf>,
+    /// Write Waymax's figures of every step too
+    #[arg(long, value_name = "FILE.parquet")]
+    pub out_steps: Option<PathBuf>,
+    /// Where the scenes are [default: where the run has them from]
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    pub scenarios: Vec<String>,
+}
+
+impl ScoreArgs {
+    /// The scores that are asked for, each once.
+    #[must_use]
+    pub fn scores(&self) -> Vec<Score> {
+        let mut scores: Vec<Score> = Vec::new();
+        let asked = if self.scores.is_empty() { Score::ALL.as_slice() } else { &self.scores };
+        asked.iter().for_each(|score| {
+            if !scores.contains(score) {
+                scores.push(*score);
+            }
+        });
+        if self.out_steps.is_some() && !scores.contains(&Score::Waymax) {
+            scores.push(Score::Waymax);
+        }
+        scores
+    }
 }
 
 /// `sim replay`.

@@ -9,14 +9,16 @@ use std::process::ExitCode;
 use std::thread;
 
 use evaluation::compare::{CompareFormat, compare, gate, json, junit, markdown, text};
+use evaluation::drives::Run;
 use evaluation::scenes::{self, Scenes};
+use evaluation::score;
 use evaluation::table::{self, TableFormat};
 use evaluation::validity;
 use results::files;
 use results::summary::{Summary, SummaryError};
 use sim::cli::{
-    Cli, Command, CompareArgs, EvaluateArgs, MatrixArgs, PredictionsArgs, ReplayArgs, RunArgs, TableArgs, ValidityArgs,
-    VerifyArgs,
+    Cli, Command, CompareArgs, EvaluateArgs, MatrixArgs, PredictionsArgs, ReplayArgs, RunArgs, ScoreArgs, TableArgs,
+    ValidityArgs, VerifyArgs,
 };
 use sim::evaluate::request::Evaluation;
 use sim::matrix;
@@ -42,6 +44,7 @@ fn main() -> ExitCode {
         Command::Evaluate(arguments) => evaluate(*arguments, clock, &console),
         Command::Table(arguments) => print_tables(&arguments, &console),
         Command::Compare(arguments) => print_comparison(&arguments, &console),
+        Command::Score(arguments) => print_scores(&arguments),
         Command::Predictions(arguments) => print_predictions(&arguments, &console),
         Command::Replay(arguments) => replay_runs(&arguments),
         Command::Validity(arguments) => print_validity(&arguments),
@@ -177,6 +180,26 @@ fn width() -> usize {
     let terminal = terminal_size::terminal_size_of(io::stdout()).map(|(width, _)| usize::from(width.0));
     let said = || std::env::var("COLUMNS").ok()?.parse().ok();
     terminal.or_else(said).unwrap_or(80)
+}
+
+/// Prints what drives were worth, by whose definitions ever.
+fn print_scores(arguments: &ScoreArgs) -> anyhow::Result<ExitCode> {
+    let mut runs = Vec::new();
+    for folder in &arguments.runs {
+        let (scores, mut run) = (arguments.scores(), Run::read(folder)?);
+        if !score::need_no_scenes(&run.file.settings.protocol, &scores) {
+            run = Run::open(folder, &arguments.scenarios)?;
+        }
+        runs.push(score::score(&run, &scores, arguments.out_steps.is_some())?);
+    }
+    if let Some(path) = &arguments.out {
+        score::write(path, &runs)?;
+    }
+    if let Some(path) = &arguments.out_steps {
+        score::write_steps(path, &runs)?;
+    }
+    terminal::say(&score::render(&runs, arguments.scenes, arguments.format, width()))?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Prints what predictions were worth, over all recordings of each run.

@@ -37,6 +37,7 @@ fn help_says_what_can_be_typed() {
       evaluate     Ask drivers for plans at frames of the log and judge them, without driving
       table        Print the tables of finished runs
       compare      Compare two finished runs: what flipped, what moved, what may be chance
+      score        Score finished runs by other tools' definitions, without driving again
       predictions  Score the predictions of recorded drives against what the agents then did
       replay       Drive recorded episodes again by their plans, and say whether all is the same
       validity     Say where replayed agents would have had to react to the AV, and what the figures are
@@ -166,6 +167,7 @@ fn help_says_what_can_be_typed() {
     --- stderr
     ");
     insta::assert_snapshot!(sim(folder.path(), &["compare", "-h"]));
+    insta::assert_snapshot!(sim(folder.path(), &["score", "-h"]));
 }
 
 #[test]
@@ -250,6 +252,12 @@ fn what_makes_no_sense_is_refused_with_code_2_and_a_hint() {
     --- stderr
     error: --weights and --features are for the predictor network, and the driver idm has another
     hint: --predictor network, or one of dipp, sep, il-pred, il
+    ");
+    insta::assert_snapshot!(sim(path, &["score", "."]), @"
+    code 2
+    --- stdout
+    --- stderr
+    error: . holds no run: there is no run.toml in it
     ");
     insta::assert_snapshot!(sim(path, &["table", "."]), @"
     code 2

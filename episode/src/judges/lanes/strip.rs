@@ -26,6 +26,8 @@ const ALIGNED: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// A lane as a strip of ground.
 #[derive(Clone, Debug)]
 pub struct Strip {
+    /// Of the lane in the map.
+    pub id: MapId,
     /// The center line.
     pub points: Vec<Point>,
     /// Height (m) of each point.
@@ -172,6 +174,15 @@ impl Lanes {
         found
     }
 
+    /// Places, among all strips, of the lanes that hold `point` where the ground is at the height `ground` (m), in ascending order.
+    #[must_use]
+    pub fn at(&self, point: Point, ground: f64) -> Vec<usize> {
+        let mut lanes: Vec<usize> =
+            self.holding(point, ground, Point::default()).0.into_iter().map(|(lane, _)| lane).collect();
+        lanes.sort_unstable();
+        lanes
+    }
+
     /// Those of `before` that hold the point still, or, where there was one alone, what it leads to (nuPlan:
     /// `get_route_obj_with_candidates`).
     pub(super) fn follow(&self, before: &[usize], held: &Held) -> Vec<usize> {
@@ -246,7 +257,8 @@ impl Lanes {
     }
 
     /// Whether `point` is in an intersection: on one of its lanes, or on no lane and beside one of its.
-    pub(super) fn is_intersection(&self, point: Point, ground: f64) -> bool {
+    #[must_use]
+    pub fn is_intersection(&self, point: Point, ground: f64) -> bool {
         let held = self.holding(point, ground, Point::default());
         if !held.0.is_empty() {
             return held.0.iter().any(|(lane, _)| self.is_connector(*lane));
@@ -314,6 +326,7 @@ impl Strip {
         }
         let linked = |links: &[MapId]| links.iter().filter_map(|id| places.get(id).copied()).collect();
         Self {
+            id: lane.id,
             heights: kept.iter().map(|index| lane.centerline[*index].z).collect(),
             widths: widths.collect(),
             stations,
