@@ -9,8 +9,10 @@
 //! | [`predictions`] | predictions made in a drive against what the agents then did |
 //! | [`recorded`] | a recording's messages, for both of these |
 //! | [`drives`] | the drives of a finished run beside their scenes, for whoever judges them again |
-//! | [`replay`] | an episode driven again by the plans of its recording |
+//! | [`replay`] | an episode driven again: by the plans of its recording, or by its nodes |
+//! | [`blame`] | failures, and what would have saved them |
 
+pub mod blame;
 pub mod compare;
 pub mod drives;
 pub mod open_loop;
