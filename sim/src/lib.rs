@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | [`cli`], [`request`] | what can be typed, and what it means |
 //! | [`matrix`] | several drivers over the same scenes |
+//! | [`blame`] | failures driven again with one thing changed |
 //! | [`predictions`] | the predictions of recorded episodes, scored |
 //! | [`replay`] | recorded episodes driven again |
 //! | [`run`] | many episodes: workers, nodes, the bus, interrupts |
@@ -12,6 +13,7 @@
 //!
 //! One drive is in [`episode`], what a run leaves in [`results`], tables are in [`evaluation`].
 
+pub mod blame;
 pub mod cli;
 pub mod evaluate;
 pub mod matrix;

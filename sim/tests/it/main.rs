@@ -38,7 +38,8 @@ fn help_says_what_can_be_typed() {
       table        Print the tables of finished runs
       compare      Compare two finished runs: what flipped, what moved, what may be chance
       predictions  Score the predictions of recorded drives against what the agents then did
-      replay       Drive recorded episodes again by their plans, and say whether all is the same
+      replay       Drive recorded episodes again: is all the same, and what if another takes over?
+      blame        Drive failures again, each time with one thing changed: what would have saved them?
       verify       Hold the protocol `paper` to vectors of the authors' simulator
       help         Print this message or the help of the given subcommand(s)
 
@@ -164,6 +165,8 @@ fn help_says_what_can_be_typed() {
     --- stderr
     ");
     insta::assert_snapshot!(sim(folder.path(), &["compare", "-h"]));
+    insta::assert_snapshot!("help_of_replay", sim(folder.path(), &["replay", "-h"]));
+    insta::assert_snapshot!("help_of_blame", sim(folder.path(), &["blame", "-h"]));
 }
 
 #[test]
