@@ -154,6 +154,25 @@ impl Episode {
         Ok(episode)
     }
 
+    /// The episode that begins `steps` later than it would, where the logged AV is then, and ends when it would.
+    ///
+    /// # Errors
+    /// As [`Episode::new`]; also where nothing is left to drive.
+    pub fn begun_later(scene: Arc<Scene>, protocol: &Protocol, steps: u32) -> Result<Self, Undrivable> {
+        match protocol {
+            Protocol::Strict(settings) => {
+                let start = settings.start.saturating_add(steps);
+                let horizon = settings.horizon.saturating_sub(steps);
+                let later = Protocol::Strict(StrictSettings { start, horizon, ..settings.clone() });
+                Self::begin(scene, &later, start, horizon)
+            }
+            Protocol::Paper => {
+                let start = paper::START.saturating_add(steps);
+                Self::begin(scene, protocol, start, paper::MOST_STEPS.saturating_sub(steps))
+            }
+        }
+    }
+
     fn begin(scene: Arc<Scene>, protocol: &Protocol, first: u32, most_steps: u32) -> Result<Self, Undrivable> {
         protocol.check()?;
         let start = first as usize;

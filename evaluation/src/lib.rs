@@ -11,8 +11,10 @@
 //! | [`drives`] | the drives of a finished run beside their scenes, for whoever judges them again |
 //! | [`validity`] | where a replayed agent would have had to react to the AV, and what figures are worth without those steps |
 //! | [`score`](mod@score) | every score from one drive: ours and other tools' |
-//! | [`replay`] | an episode driven again by the plans of its recording |
+//! | [`replay`] | an episode driven again: by the plans of its recording, or by its nodes |
+//! | [`blame`] | failures, and what would have saved them |
 
+pub mod blame;
 pub mod compare;
 pub mod drives;
 pub mod open_loop;

@@ -56,6 +56,16 @@ pub struct Options {
     /// How the network's features are made [default: as the weights say, or else authors]
     #[arg(long, value_enum)]
     pub features: Option<FeatureStyle>,
+    /// Whose futures the network tells [default: its own]; where the plan begins and what it costs stay the network's
+    #[arg(long, value_enum)]
+    pub futures: Option<Futures>,
+}
+
+/// Futures that are told in place of the network's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Futures {
+    /// What the log says, as `oracle` does; needs --scenarios
+    Log,
 }
 
 /// A predictor that cannot be had.
@@ -77,7 +87,13 @@ impl PredictorKind {
         Ok(match self {
             Self::Ctrv => Arc::new(Ctrv(options.turn_rate)),
             Self::Oracle => Arc::new(Oracle::open(&options.scenarios)?),
-            Self::Network => Arc::new(Network::open(options.weights.as_deref(), options.features)?),
+            Self::Network => {
+                let network = Network::open(options.weights.as_deref(), options.features)?;
+                match options.futures {
+                    None => Arc::new(network),
+                    Some(Futures::Log) => Arc::new(network.with_futures(Oracle::open(&options.scenarios)?)),
+                }
+            }
         })
     }
 }

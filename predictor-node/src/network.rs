@@ -16,6 +16,8 @@ use world::observation::Briefing;
 use world::plan::{Control, Future, PLAN_STEPS, PredictedTrajectory, UncheckedPrediction};
 use world::scene::TrackId;
 
+use crate::oracle::Oracle;
+
 /// The weights of the driver `dipp`; `weights/README.md` says what they were trained on, and how.
 static BUILT_IN: &[u8] = include_bytes!("../../weights/dipp.f16.safetensors");
 
@@ -54,6 +56,8 @@ pub enum NetworkError {
 pub struct Network {
     model: Arc<Model>,
     settings: Settings,
+    /// Tells the futures in its place.
+    log: Option<Oracle>,
 }
 
 impl Network {
@@ -63,7 +67,13 @@ impl Network {
     /// [`NetworkError`] where they cannot be read.
     pub fn open(path: Option<&Path>, style: Option<FeatureStyle>) -> Result<Self, NetworkError> {
         let (model, settings) = model(path, style)?;
-        Ok(Self { model: Arc::new(model), settings })
+        Ok(Self { model: Arc::new(model), settings, log: None })
+    }
+
+    /// The same network with the log's futures in place of its own: what its planner would do if it knew.
+    #[must_use]
+    pub fn with_futures(self, log: Oracle) -> Self {
+        Self { log: Some(log), ..self }
     }
 }
 
@@ -109,6 +119,7 @@ impl PredictorFactory for Network {
             history: History::new(briefing),
             workspace: Workspace::new(1),
             answer: [Answer::empty()],
+            log: self.log.as_ref().map(|log| log.start(briefing)).transpose()?,
         }))
     }
 }
@@ -120,6 +131,7 @@ struct Drive {
     history: History,
     workspace: Workspace,
     answer: [Answer; 1],
+    log: Option<Box<dyn Predictor>>,
 }
 
 impl Predictor for Drive {
@@ -128,7 +140,11 @@ impl Predictor for Drive {
         let features = self.features.at(&self.history.observe(observation));
         self.model.forward(&[&features.frame], &mut self.workspace, &mut self.answer);
         let predicted = if self.model.variant().predicts() { self.answer[0].futures } else { 0 };
-        Ok(answered(&self.answer[0], predicted, &features, observation.step, observation.av.pose()))
+        let mut told = answered(&self.answer[0], predicted, &features, observation.step, observation.av.pose());
+        if let Some(log) = &mut self.log {
+            told.futures = log.predict(step)?.futures;
+        }
+        Ok(told)
     }
 }
 

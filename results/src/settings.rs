@@ -49,6 +49,27 @@ pub struct Settings {
     pub predictor: Option<Node>,
     /// The rules of an episode.
     pub protocol: Protocol,
+    /// Set where another run's drives were taken over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fork: Option<Fork>,
+}
+
+/// From where drives were taken over: up to a step they are those of another run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Fork {
+    /// What the other run calls its driver.
+    pub driver: String,
+    /// The other run's digest.
+    pub digest: String,
+    /// The first step that is this driver's; before it the other run's recorded plans are driven.
+    pub step: u32,
+}
+
+impl std::fmt::Display for Fork {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "forked at step {} of {}", self.step, self.driver)
+    }
 }
 
 /// Which episodes are recorded.
@@ -264,6 +285,7 @@ pub(crate) mod tests {
                 planner,
                 predictor: None,
                 protocol: Protocol::default(),
+                fork: None,
             },
             build: Build::this(),
             machine: Machine {

@@ -49,7 +49,7 @@ pub struct Summary {
     pub protocol: String,
     /// How the AV followed its plans.
     pub motion: String,
-    /// Which settings of the protocol are not as usual.
+    /// Which settings of the protocol are not as usual; before them that it was forked, if it was.
     pub changes: Vec<String>,
     /// The scenes: names and hashes.
     pub scenes: Vec<(String, String)>,
@@ -96,12 +96,13 @@ impl Summary {
         let broken = errors.into_iter().enumerate().filter(|(_, error)| !error.is_empty());
         let broken_recordings = broken.map(|(row, error)| (scenes[row].0.clone(), error)).collect();
         let means = table.numbers()?.into_iter().map(|(name, values)| (name, mean(&values, &failed))).collect();
+        let fork = file.settings.fork.as_ref().map(ToString::to_string);
         Ok(Self {
             folder: folder.to_owned(),
             driver: file.settings.driver,
             protocol: file.settings.protocol.name().to_owned(),
             motion: file.settings.protocol.motion_name().to_owned(),
-            changes: file.settings.protocol.changes(),
+            changes: fork.into_iter().chain(file.settings.protocol.changes()).collect(),
             scenes,
             failures,
             warned,

@@ -5,6 +5,7 @@
 
 use std::io::{self, Write as _};
 use std::num::NonZero;
+use std::path::Path;
 use std::process::ExitCode;
 use std::thread;
 
@@ -17,8 +18,8 @@ use evaluation::validity;
 use results::files;
 use results::summary::{Summary, SummaryError};
 use sim::cli::{
-    Cli, Command, CompareArgs, EvaluateArgs, MatrixArgs, PredictionsArgs, ReplayArgs, RunArgs, ScoreArgs, TableArgs,
-    ValidityArgs, VerifyArgs,
+    BlameArgs, Cli, Command, CompareArgs, EvaluateArgs, MatrixArgs, PredictionsArgs, ReplayArgs, RunArgs, ScoreArgs,
+    TableArgs, ValidityArgs, VerifyArgs,
 };
 use sim::evaluate::request::Evaluation;
 use sim::matrix;
@@ -46,8 +47,9 @@ fn main() -> ExitCode {
         Command::Compare(arguments) => print_comparison(&arguments, &console),
         Command::Score(arguments) => print_scores(&arguments),
         Command::Predictions(arguments) => print_predictions(&arguments, &console),
-        Command::Replay(arguments) => replay_runs(&arguments),
         Command::Validity(arguments) => print_validity(&arguments),
+        Command::Replay(arguments) => replay_runs(&arguments, clock, &console),
+        Command::Blame(arguments) => print_blame(&arguments, clock, &console),
         Command::Verify(arguments) => print_verdict(&arguments),
     };
     match done {
@@ -79,13 +81,19 @@ fn drive(arguments: RunArgs, clock: WallClock, console: &Console) -> anyhow::Res
     let request = Request::resolve(arguments, cores())?;
     let interrupts = Interrupts::catch()?;
     let done = run::run(&request, clock, console, &interrupts)?;
-    let summary = Summary::read(&done.folder)?;
-    let clean = summary.failures.is_empty() && summary.broken_recordings.is_empty();
-    terminal::say(&table::render(&[summary], TableFormat::Text, width()))?;
-    terminal::say(&format!("\nfolder {}\ndigest {}\n", done.folder.display(), results::digest(&done.folder)?))?;
+    let code = print_run(&done.folder)?;
     if request.timing {
         console.line(&done.breakdown.lines(clock.now().as_secs_f64()));
     }
+    Ok(code)
+}
+
+/// Prints the run that was driven, and where it is.
+fn print_run(folder: &Path) -> anyhow::Result<ExitCode> {
+    let summary = Summary::read(folder)?;
+    let clean = summary.failures.is_empty() && summary.broken_recordings.is_empty();
+    terminal::say(&table::render(&[summary], TableFormat::Text, width()))?;
+    terminal::say(&format!("\nfolder {}\ndigest {}\n", folder.display(), results::digest(folder)?))?;
     Ok(if clean { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
@@ -232,14 +240,30 @@ fn print_validity(arguments: &ValidityArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn replay_runs(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
+fn replay_runs(arguments: &ReplayArgs, clock: WallClock, console: &Console) -> anyhow::Result<ExitCode> {
+    if let Some(from) = arguments.from {
+        let interrupts = Interrupts::catch()?;
+        return print_run(&replay::fork::run(arguments, from, cores(), clock, console, &interrupts)?.folder);
+    }
+    let interrupts = if arguments.live { Some(Interrupts::catch()?) } else { None };
     let mut is_same = true;
     for folder in &arguments.runs {
-        let replayed = replay::run(folder, arguments)?;
+        let replayed = match &interrupts {
+            Some(interrupts) => replay::live::run(folder, arguments, cores(), clock, console, interrupts)?,
+            None => replay::run(folder, arguments)?,
+        };
         terminal::say(&replayed.text)?;
         is_same &= replayed.is_same;
     }
     Ok(if is_same { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// Prints what would have saved the drives that failed.
+fn print_blame(arguments: &BlameArgs, clock: WallClock, console: &Console) -> anyhow::Result<ExitCode> {
+    let interrupts = Interrupts::catch()?;
+    let blamed = sim::blame::blame(arguments, cores(), clock, console, &interrupts)?;
+    terminal::say(&evaluation::blame::table::render(&blamed, arguments.format, width())?)?;
+    Ok(ExitCode::SUCCESS)
 }
 
 fn print_verdict(arguments: &VerifyArgs) -> anyhow::Result<ExitCode> {

@@ -72,7 +72,7 @@ pub fn drive(
 ) -> Result<Vec<PathBuf>, RunError> {
     let Some(first) = requests.first() else { return Ok(Vec::new()) };
     let scenes = SceneSet::open(&first.machine.scenarios)?.entries().len();
-    console.begin(scenes * requests.len(), 0);
+    console.begin("episodes", scenes * requests.len(), 0);
     let folders = requests.iter().map(|request| {
         let (driver, protocol) = (&request.settings.driver, request.settings.protocol.name());
         let shared = console.shared(format!("{driver}, {protocol}"));

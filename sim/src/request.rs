@@ -144,6 +144,7 @@ impl Request {
             planner,
             predictor,
             protocol,
+            fork: None,
         };
         let machine = Machine {
             parallel: arguments.parallel.unwrap_or(cores),
@@ -178,7 +179,8 @@ fn files_named_in(command: &str) -> BTreeMap<String, String> {
     files.filter_map(|word| Some((word.to_owned(), files::sha256([Path::new(word)]).ok()?))).collect()
 }
 
-fn checked_label(label: &str) -> Result<String, RequestError> {
+/// A driver's label, if it can be one.
+pub(crate) fn checked_label(label: &str) -> Result<String, RequestError> {
     let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '.' | '-');
     if !(1..=64).contains(&label.len()) || !label.chars().all(allowed) || label.starts_with('.') {
         return Err(RequestError::Label(label.to_owned()));

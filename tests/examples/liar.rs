@@ -1,5 +1,5 @@
 //! A planner that drives straight on, but for one step of one scene, at which it does what `RELOOP_LIE` says:
-//! `SCENE STEP LIE`, with LIE one of `die`, `stop`, `silence`, `raise`, `error`, `nan`, `length`, `controls`, `step`, `version`.
+//! `SCENE STEP LIE`, with LIE one of `die`, `stop`, `silence`, `raise`, `error`, `nan`, `length`, `controls`, `step`, `chance`, `version`.
 //!
 //! What it is to do comes by the environment, for two runs of one command must differ in nothing else.
 
@@ -66,6 +66,8 @@ fn tell(lie: &str, mut plan: UncheckedPlan) -> Result<UncheckedPlan, String> {
         "length" => plan.states.truncate(49),
         "controls" => plan.controls.truncate(10),
         "step" => plan.step += 1,
+        // Another plan each time, that drives the AV where it drove.
+        "chance" => plan.states[7].x += 1e-6 * f64::from(std::process::id()),
         other => panic!("no such lie: {other}"),
     }
     Ok(plan)

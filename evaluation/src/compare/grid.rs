@@ -4,7 +4,7 @@ use comfy_table::{Cell, CellAlignment, ColumnConstraint, ContentArrangement, Tab
 
 /// A head and its rows.
 pub(crate) struct Grid {
-    head: Vec<(&'static str, Side)>,
+    head: Vec<(String, Side)>,
     rows: Vec<Vec<String>>,
 }
 
@@ -23,8 +23,9 @@ pub(crate) enum Side {
 
 impl Grid {
     /// A table of this head, without rows.
-    pub(crate) fn new(head: &[(&'static str, Side)]) -> Self {
-        Self { head: head.to_vec(), rows: Vec::new() }
+    pub(crate) fn new(head: &[(&str, Side)]) -> Self {
+        let head = head.iter().map(|(name, side)| ((*name).to_owned(), *side));
+        Self { head: head.collect(), rows: Vec::new() }
     }
 
     /// One more row.

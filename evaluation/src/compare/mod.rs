@@ -18,7 +18,7 @@
 pub mod comparison;
 pub mod figures;
 pub mod gate;
-mod grid;
+pub(crate) mod grid;
 pub mod json;
 pub mod junit;
 pub mod markdown;

@@ -1,4 +1,5 @@
-//! An episode driven again by the plans of its recording: what was said then is said now, byte for byte, or the first difference is named.
+//! An episode driven again: what was said then is said now, byte for byte, or the first difference is named. By the plans of its recording in
+//! process, or by its nodes, which leave a second recording.
 //!
 //! ```text
 //! recording ──▶ Recorded ─ plans ─▶ Episode ─▶ scene, observations, records, events, end ──┐
@@ -7,11 +8,13 @@
 //!
 //! | module | what |
 //! | --- | --- |
-//! | here | the drive |
+//! | here | the drive in process |
+//! | [`held`] | a second recording held to the first, and which process made the difference |
 //! | `recorded` | what a recording says |
 //! | `difference` | where two messages part |
 
 mod difference;
+pub mod held;
 mod recorded;
 
 use std::sync::Arc;
@@ -19,11 +22,12 @@ use std::sync::Arc;
 use episode::protocol::Protocol;
 use episode::{Episode, Undrivable};
 use thiserror::Error;
-use wire::proto::{self, EndReason, EpisodeEnd};
+use wire::proto::{self, EndReason};
 use world::scene::Scene;
 
 pub use difference::Difference;
-pub use recorded::Recorded;
+use recorded::of_the_drive;
+pub use recorded::{PlanError, Recorded};
 
 /// What came of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,8 +44,8 @@ pub enum Verdict {
 pub enum ReplayError {
     #[error(transparent)]
     Undrivable(#[from] Undrivable),
-    #[error("the plan of step {step} cannot be driven: {why}")]
-    Plan { step: u32, why: String },
+    #[error(transparent)]
+    Plan(#[from] PlanError),
 }
 
 /// Drives `scene` by the plans of `recorded`.
@@ -84,14 +88,13 @@ impl Drive<'_> {
         let failed = recorded.end.reason() == EndReason::DriverFailed;
         loop {
             let (step, index) = (Some(self.step), self.step as usize);
-            if failed && recorded.plans.get(index).is_none() {
-                // Then the driver had no plan either; the end says why.
-                self.episode.fail(recorded.end.detail.clone());
+            if failed && recorded.records.get(index).is_none() {
+                // Then the driver had no plan either, or none that could be driven; the end says why.
                 break;
             }
             let observation = proto::Observation::from(&self.episode.observe());
             difference::at(step, "observation", recorded.observations.get(index), Some(&observation))?;
-            let plan = self.plan(index)?;
+            let plan = recorded.plan(self.step).map_err(|error| Stop::Error(error.into()))?;
             let advance = self.episode.advance(&plan);
             difference::at(step, "record", recorded.records.get(index), Some(&advance.record))?;
             for event in &advance.events {
@@ -103,30 +106,14 @@ impl Drive<'_> {
                 break;
             }
         }
+        if failed {
+            self.episode.fail(recorded.end.detail.clone());
+        }
         let outcome = self.episode.finish();
         if !failed {
             difference::at(None, "event", events.next(), None)?;
             difference::at(None, "record", recorded.records.get(self.step as usize), None)?;
         }
-        // What counts messages is the bus's, and no matter of the drive.
-        let of_the_drive = |end: &EpisodeEnd| EpisodeEnd {
-            observations: 0,
-            plans: 0,
-            predictions: 0,
-            records: 0,
-            events: 0,
-            digest: Vec::new(),
-            ..end.clone()
-        };
         Ok(difference::at(None, "end", Some(&of_the_drive(&recorded.end)), Some(&of_the_drive(&outcome.end)))?)
-    }
-
-    fn plan(&self, index: usize) -> Result<world::plan::Plan, Stop> {
-        let step = self.step;
-        let error = |why: String| Stop::Error(ReplayError::Plan { step, why });
-        let recorded = self.recorded.plans.get(index).ok_or_else(|| error("it is not recorded".to_owned()))?;
-        let unchecked =
-            world::plan::UncheckedPlan::try_from(recorded.clone()).map_err(|refused| error(refused.to_string()))?;
-        unchecked.check(step).map_err(|refused| error(refused.to_string()))
     }
 }

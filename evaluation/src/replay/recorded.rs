@@ -1,14 +1,25 @@
 //! What a recording says of an episode.
 
+use thiserror::Error;
 use wire::proto;
+use world::plan::{Plan, UncheckedPlan};
 
 use crate::recorded::{RecordedError, messages};
 
-/// All that the simulator said, and what the planner answered, in their order.
+/// A recorded plan that cannot be driven.
+#[derive(Debug, Error)]
+#[error("the plan of step {step} cannot be driven: {why}")]
+pub struct PlanError {
+    step: u32,
+    why: String,
+}
+
+/// All that the simulator said, and what predictor and planner answered, in their order.
 #[derive(Clone, Debug)]
 pub struct Recorded {
     pub(super) scene: proto::Scene,
     pub(super) observations: Vec<proto::Observation>,
+    pub(super) predictions: Vec<proto::Prediction>,
     pub(super) plans: Vec<proto::Plan>,
     pub(super) records: Vec<proto::StepRecord>,
     pub(super) events: Vec<proto::Event>,
@@ -16,6 +27,37 @@ pub struct Recorded {
 }
 
 impl Recorded {
+    /// Steps that were driven.
+    #[must_use]
+    pub fn steps(&self) -> u32 {
+        self.records.len() as u32
+    }
+
+    /// Whether the drive ended before `step`, other than by a driver that failed there.
+    #[must_use]
+    pub fn is_over_at(&self, step: u32) -> bool {
+        self.observations.len() as u32 <= step
+    }
+
+    /// The plan that was driven at `step`.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn plan(&self, step: u32) -> Result<Plan, PlanError> {
+        let error = |why: String| PlanError { step, why };
+        let recorded = self.plans.get(step as usize).ok_or_else(|| error("it is not recorded".to_owned()))?;
+        let unchecked = UncheckedPlan::try_from(recorded.clone()).map_err(|refused| error(refused.to_string()))?;
+        unchecked.check(step).map_err(|refused| error(refused.to_string()))
+    }
+
+    /// The plans of the steps before `until`.
+    ///
+    /// # Errors
+    /// [`PlanError`] of the first that cannot be driven.
+    pub fn plans(&self, until: u32) -> Result<Vec<Plan>, PlanError> {
+        (0..until).map(|step| self.plan(step)).collect()
+    }
+
     /// The metrics of its end, by name.
     pub fn metrics(&self) -> impl Iterator<Item = (&str, Option<f64>)> {
         let value = |metric: &proto::Metric| metric.value.filter(|value| !value.is_nan());
@@ -28,11 +70,13 @@ impl Recorded {
     /// [`RecordedError`].
     pub fn read(bytes: &[u8]) -> Result<Self, RecordedError> {
         let (mut scene, mut end) = (None, None);
-        let (mut observations, mut plans, mut records, mut events) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut observations, mut predictions, mut plans) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut records, mut events) = (Vec::new(), Vec::new());
         messages(bytes, |channel, data| {
             match channel {
                 "scene" => scene = Some(decoded(data)?),
                 "observation" => observations.push(decoded(data)?),
+                "prediction" => predictions.push(decoded(data)?),
                 "plan" => plans.push(decoded(data)?),
                 // What pictures show beside the drive is none of it.
                 "record" => records.push(proto::StepRecord { logged_av: None, ..decoded(data)? }),
@@ -46,6 +90,7 @@ impl Recorded {
             scene: scene.ok_or(RecordedError::Missing("scene"))?,
             end: end.ok_or(RecordedError::Missing("end"))?,
             observations,
+            predictions,
             plans,
             records,
             events,
@@ -55,4 +100,17 @@ impl Recorded {
 
 fn decoded<M: prost::Message + Default>(data: &[u8]) -> Result<M, String> {
     M::decode(data).map_err(|error| error.to_string())
+}
+
+/// What counts messages is the bus's, and no matter of the drive.
+pub(super) fn of_the_drive(end: &proto::EpisodeEnd) -> proto::EpisodeEnd {
+    proto::EpisodeEnd {
+        observations: 0,
+        plans: 0,
+        predictions: 0,
+        records: 0,
+        events: 0,
+        digest: Vec::new(),
+        ..end.clone()
+    }
 }

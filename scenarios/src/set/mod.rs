@@ -76,6 +76,13 @@ impl SceneSet {
         &self.entries
     }
 
+    /// The set of these scenes alone, by their places here, in the order given; places that are none are passed over.
+    #[must_use]
+    pub fn only(&self, places: &[usize]) -> Self {
+        let entries = places.iter().filter_map(|place| self.entries.get(*place).cloned());
+        Self { entries: entries.collect(), notes: Vec::new() }
+    }
+
     /// Loads scene `index`: the checked scene, and what was found odd in it and mended.
     ///
     /// # Errors

@@ -16,6 +16,8 @@ use super::drive::Driver;
 pub struct BusDriver {
     line: EpisodeLine,
     scene: Arc<Scene>,
+    /// Plans that are driven in place of the planner's, from step 0 on; most often none.
+    lead: Vec<Plan>,
     /// How long an answer may take.
     deadline: Duration,
     /// How long the recorder may take to close the recording; none where nobody records.
@@ -46,12 +48,18 @@ impl BusDriver {
         Ok(Self {
             line,
             scene: Arc::clone(scene),
+            lead: Vec::new(),
             deadline,
             recorder,
             dismissed: false,
             prediction: None,
             recorder_is_frozen: false,
         })
+    }
+
+    /// Has these plans driven before the planner's own. It is asked at their steps too, and must answer.
+    pub fn lead_by(&mut self, plans: Vec<Plan>) {
+        self.lead = plans;
     }
 }
 
@@ -63,10 +71,16 @@ impl Driver for BusDriver {
     fn answer(&mut self, observation: &Observation) -> Result<Plan, String> {
         let step = observation.step;
         let at = |what: &str, error: &dyn std::fmt::Display| format!("step {step}: {what}{error}");
-        let (plan, prediction) = self.line.step(observation, self.deadline).map_err(|error| at("", &error))?;
+        let led = self.lead.get(step as usize);
+        let answers = match led {
+            None => self.line.step(observation, self.deadline),
+            Some(driven) => self.line.led_step(observation, driven, self.deadline),
+        };
+        let (plan, prediction) = answers.map_err(|error| at("", &error))?;
         let prediction = prediction.map(|prediction| prediction.check(step)).transpose();
         self.prediction = prediction.map_err(|error| at("the predictor's answer is refused: ", &error))?;
-        plan.check(step).map_err(|error| at("the planner's answer is refused: ", &error))
+        let plan = plan.check(step).map_err(|error| at("the planner's answer is refused: ", &error))?;
+        Ok(led.cloned().unwrap_or(plan))
     }
 
     fn step_done(&mut self, record: &StepRecord, events: &[Event]) {

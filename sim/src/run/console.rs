@@ -33,24 +33,25 @@ impl Console {
         Self { is_shared: true, ..self.clone() }
     }
 
-    /// Shows a bar of so many episodes, some of them done.
-    pub fn begin(&self, episodes: usize, done: usize) {
+    /// Shows a bar of so many `things` (a plural), some of them done.
+    pub fn begin(&self, things: &str, total: usize, done: usize) {
         if self.is_shared {
             return self.pass_over(done);
         }
         if !io::stderr().is_terminal() {
             return;
         }
-        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} episodes, {elapsed} gone, {eta} to go  {msg}");
+        let template = format!("{{bar:30}} {{pos}}/{{len}} {things}, {{elapsed}} gone, {{eta}} to go  {{msg}}");
+        let style = ProgressStyle::with_template(&template);
         self.bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        self.bar.set_length(episodes as u64);
+        self.bar.set_length(total as u64);
         self.bar.set_position(done as u64);
-        // Episodes of an earlier sim took no time of this one.
+        // Those of an earlier sim took no time of this one.
         self.bar.reset_eta();
         self.bar.set_draw_target(ProgressDrawTarget::stderr());
     }
 
-    /// One episode more.
+    /// One more.
     pub fn advance(&self) {
         self.bar.inc(1);
     }

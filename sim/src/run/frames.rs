@@ -19,6 +19,7 @@ use wire::proto::{EndReason, EpisodeEnd};
 use world::plan::{Plan, Prediction};
 use world::scene::Scene;
 
+use super::beginning::Beginnings;
 use super::clock::WallClock;
 use super::console::Console;
 use super::core::{Drive, Ending, Event};
@@ -74,6 +75,8 @@ pub fn judge(
         scenes: scenes.clone(),
         file: file.clone(),
         folder,
+        beginnings: Beginnings::default(),
+        onlooker: None,
         frames: Some(Frames { definitions, rows: Mutex::default() }),
         hub,
         external,

@@ -11,6 +11,7 @@
 //! | [`core`] | what follows from what happened: pure |
 //! | [`worker`], [`recorder`] | the threads that do it |
 //! | [`drive`], [`bus`] | one episode, and its driver on the bus |
+//! | [`beginning`] | episodes that are not their driver's from the first step on |
 //! | [`frames`] | no drive at all: plans at frames of the log, to be judged |
 //! | [`progress`] | which episodes are done, and which are to be driven |
 //! | [`process`], [`shell`], [`voice`], [`raised`], [`witness`] | nodes: started, heard, and how they ended |
@@ -39,15 +40,17 @@ use wire::keys::{KeyError, Role, Secret, Workers};
 use wire::proto::RunInfo;
 use wire::session::{self, SessionError};
 
+use self::beginning::Beginnings;
 use self::clock::{Clock, WallClock};
 use self::console::Console;
 use self::core::{Core, Drive, Effects, Ending, Event};
 use self::interrupt::Interrupts;
 use self::progress::Progress;
 use self::timing::Breakdown;
-use self::worker::{Order, Shared};
+use self::worker::{Onlooker, Order, Shared};
 use crate::request::Request;
 
+pub mod beginning;
 pub mod bus;
 pub mod clock;
 pub mod console;
@@ -97,6 +100,17 @@ pub enum RunError {
     Interrupted { state: State },
 }
 
+impl RunError {
+    /// The same of a run whose folder is thrown away.
+    #[must_use]
+    pub fn with_nothing_kept(mut self) -> Self {
+        if let Self::Broken { state, .. } | Self::Interrupted { state } = &mut self {
+            state.done = 0;
+        }
+        self
+    }
+}
+
 /// How far a run came that is not complete.
 #[derive(Clone, Debug)]
 pub struct State {
@@ -125,6 +139,16 @@ pub struct Done {
     pub breakdown: Breakdown,
 }
 
+/// What is driven, and how.
+pub struct Task {
+    /// The scenes.
+    pub scenes: SceneSet,
+    /// How episodes begin that are not their driver's from the first step on.
+    pub beginnings: Beginnings,
+    /// Who looks at each episode when it is stored.
+    pub onlooker: Option<Onlooker>,
+}
+
 /// Drives `request`, or continues it.
 ///
 /// # Errors
@@ -134,6 +158,21 @@ pub fn run(request: &Request, clock: WallClock, console: &Console, interrupts: &
     for note in scenes.notes() {
         console.line(&format!("note: {note}"));
     }
+    run_task(request, Task { scenes, beginnings: Beginnings::default(), onlooker: None }, clock, console, interrupts)
+}
+
+/// Drives this task as `request` says, or continues it; its scenes are those of the task.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_task(
+    request: &Request,
+    task: Task,
+    clock: WallClock,
+    console: &Console,
+    interrupts: &Interrupts,
+) -> Result<Done, RunError> {
+    let scenes = &task.scenes;
     let line = |entry: &scenarios::SceneEntry| SceneLine { id: entry.id.to_string(), sha256: entry.sha256.clone() };
     let file = RunFile {
         settings: request.settings.clone(),
@@ -164,7 +203,7 @@ pub fn run(request: &Request, clock: WallClock, console: &Console, interrupts: &
         folder.reopen()?;
     }
     let path = folder.path().to_owned();
-    let done = drive_pending(scenes, file, folder, progress, clock, console, interrupts);
+    let done = drive_pending(task, file, folder, progress, clock, console, interrupts);
     if done.is_err() {
         results::folder::remove_if_nothing_is_done(&path);
     }
@@ -173,7 +212,7 @@ pub fn run(request: &Request, clock: WallClock, console: &Console, interrupts: &
 
 /// Drives what is pending, and merges it with what is done.
 fn drive_pending(
-    scenes: SceneSet,
+    Task { scenes, beginnings, onlooker }: Task,
     file: RunFile,
     folder: Folder,
     progress: Progress,
@@ -207,6 +246,8 @@ fn drive_pending(
         scenes,
         file,
         folder,
+        beginnings,
+        onlooker,
         frames: None,
         hub,
         external,
@@ -283,7 +324,8 @@ fn open_bus(file: &RunFile, console: &Console) -> Result<(Hub, Option<Arc<Seat>>
 fn drive_all(shared: &Arc<Shared>, pending: Vec<usize>, interrupts: &Interrupts) -> Ending {
     let (sender, events) = sync_channel(256);
     let total = shared.file.scenes.len();
-    shared.console.begin(total, total - pending.len());
+    let things = if shared.frames.is_some() { "scenes" } else { "episodes" };
+    shared.console.begin(things, total, total - pending.len());
     let mut core = Core::new(pending, shared.file.machine.parallel.into(), shared.file.settings.record != Record::None);
     let mut machinery = Machinery::start(shared, core.workers(), &sender, interrupts);
     interrupts.forward_to(sender);

@@ -8,7 +8,6 @@ use std::sync::mpsc::{Receiver, SyncSender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use episode::Episode;
 use episode::protocol::Protocol;
 use results::folder::Folder;
 use results::part::{LoggedState, Part};
@@ -21,6 +20,7 @@ use wire::keys::{Role, Secret, Worker as WorkerName, Workers};
 use wire::proto::{AgentState, EndReason, EpisodeEnd};
 use world::scene::Scene;
 
+use super::beginning::{Beginnings, Begun, NotBegun};
 use super::bus::BusDriver;
 use super::clock::{Clock, WallClock};
 use super::console::Console;
@@ -34,6 +34,9 @@ use super::witness::Witness;
 
 /// What the recorder may take to close an episode's file, beyond the deadline of an answer.
 const CLOSING: Duration = Duration::from_secs(5);
+
+/// Who looks at each episode when it is stored, and at its files.
+pub type Onlooker = Box<dyn Fn(&Folder, &Part) + Send + Sync>;
 
 /// What the run asks of a worker.
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +55,10 @@ pub struct Shared {
     pub file: RunFile,
     /// Where finished episodes go.
     pub folder: Folder,
+    /// How episodes begin that are not their driver's from the first step on.
+    pub beginnings: Beginnings,
+    /// Who looks at each episode when it is stored.
+    pub onlooker: Option<Onlooker>,
     /// Where figures go, if nothing is driven: plans are asked for at frames of the log, and judged.
     pub frames: Option<Frames>,
     /// The bus.
@@ -297,11 +304,14 @@ impl Worker<'_> {
             Ok((scene, findings)) => {
                 let lints = lint::lint(&scene, &findings);
                 lints.iter().for_each(|lint| tracing::debug!(scene = %id, "{lint}"));
-                let episode = Episode::new(Arc::clone(&scene), &shared.file.settings.protocol);
+                let protocol = &shared.file.settings.protocol;
+                let begun = shared.beginnings.of(id.as_str()).begin(&scene, protocol);
                 let prepare = shared.clock.now() - load;
-                let mut part = match episode {
-                    Err(error) => self.without_drive(error.end(&scene, &shared.file.settings.protocol)),
-                    Ok(episode) => self.drive_episode(episode, &scene, record)?,
+                let mut part = match begun {
+                    Err(NotBegun::Undrivable(error)) => self.without_drive(error.end(&scene, protocol)),
+                    Err(NotBegun::Scene(error)) => self.unreadable(id.as_str(), &error.to_string()),
+                    Err(NotBegun::Lead(error)) => return Some(Event::Broken(error.to_string())),
+                    Ok(begun) => self.drive_episode(begun, record)?,
                 };
                 part.timing.get_or_insert_default().prepare = prepare.as_secs_f64();
                 let summary = lint::Summary::of(&lints);
@@ -334,19 +344,23 @@ impl Worker<'_> {
         {
             return Some(Event::Broken(error));
         }
+        if let Some(onlooker) = &shared.onlooker {
+            onlooker(&shared.folder, &part);
+        }
         Some(Event::Driven { worker: self.number, driver_failed, recorded })
     }
 
-    fn drive_episode(&mut self, episode: Episode, scene: &Arc<Scene>, record: bool) -> Option<Part> {
+    fn drive_episode(&mut self, Begun { scene, episode, lead }: Begun, record: bool) -> Option<Part> {
         let shared = self.shared;
         let settings = &shared.file.settings;
         let start = AgentState::from(&episode.observe().av);
         let start_log_index = episode.briefing().start;
         let recorder = if record { shared.recorder() } else { None };
-        let mut driver = match self.driver(scene, recorder.as_deref()) {
+        let mut driver = match self.driver(&scene, recorder.as_deref()) {
             Ok(driver) => driver,
             Err(reason) => return Some(self.unreadable(scene.id().as_str(), &reason)),
         };
+        driver.driver.lead_by(lead);
         let Driven { outcome, recording, timing } = drive(episode, &mut driver, &shared.clock, &shared.stop)?;
         if driver.driver.recorder_is_frozen {
             shared.recorder_is_frozen.store(true, Ordering::Relaxed);

@@ -80,6 +80,7 @@ fn finished(root: &Path, name: &str, drives: &[(String, Part)], change: impl FnO
             planner: Planner::Node(Node::named("idm", false)),
             predictor: None,
             protocol: toml::from_str("name = \"strict\"").unwrap(),
+            fork: None,
         },
         build: Build { version: "0.1.0".to_owned(), git_revision: "0123456789ab".to_owned(), wire_version: 2 },
         machine: Machine {

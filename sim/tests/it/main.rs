@@ -39,7 +39,8 @@ fn help_says_what_can_be_typed() {
       compare      Compare two finished runs: what flipped, what moved, what may be chance
       score        Score finished runs by other tools' definitions, without driving again
       predictions  Score the predictions of recorded drives against what the agents then did
-      replay       Drive recorded episodes again by their plans, and say whether all is the same
+      replay       Drive recorded episodes again: is all the same, and what if another takes over?
+      blame        Drive failures again, each time with one thing changed: what would have saved them?
       validity     Say where replayed agents would have had to react to the AV, and what the figures are
                    without those steps
       verify       Hold the protocol `paper` to vectors of the authors' simulator
@@ -168,6 +169,8 @@ fn help_says_what_can_be_typed() {
     ");
     insta::assert_snapshot!(sim(folder.path(), &["compare", "-h"]));
     insta::assert_snapshot!(sim(folder.path(), &["score", "-h"]));
+    insta::assert_snapshot!("help_of_replay", sim(folder.path(), &["replay", "-h"]));
+    insta::assert_snapshot!("help_of_blame", sim(folder.path(), &["blame", "-h"]));
 }
 
 #[test]

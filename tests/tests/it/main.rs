@@ -13,7 +13,8 @@
 //! | `interrupt.rs` | Ctrl-C leaves nothing running |
 //! | `future.rs` | no message holds a logged state later than its step |
 //! | `predictions.rs` | predictions are scored against what then happened |
-//! | `replay.rs` | `sim replay` finds what was driven the same, and names what is not |
+//! | `replay.rs` | `sim replay` finds what was driven the same, names what is not and who is to blame, and lets others take over |
+//! | `blame.rs` | `sim blame` fails again what failed, and tells what saves it |
 //! | `pause.rs` | a run that stands still for a while comes out as if it had not |
 //! | `network.rs` | the repository's weights are whole, and drive; the authors' drive as in their simulator |
 //! | `open_loop.rs` | plans that are not driven are worth what the authors' test says; a frame costs no other |
@@ -23,6 +24,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, missing_docs, reason = "a test may panic")]
 
+mod blame;
 mod bus;
 mod demo;
 mod future;

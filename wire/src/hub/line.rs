@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use prost::Message as _;
 use world::observation::{Briefing, Observation};
-use world::plan::{UncheckedPlan, UncheckedPrediction};
+use world::plan::{Plan, UncheckedPlan, UncheckedPrediction};
 use world::scene::SceneId;
 use zenoh::Wait;
 use zenoh::bytes::ZBytes;
@@ -125,11 +125,40 @@ impl EpisodeLine {
         observation: &Observation,
         deadline: Duration,
     ) -> Result<(UncheckedPlan, Option<UncheckedPrediction>), LineError> {
+        self.ask(observation, deadline, None)
+    }
+
+    /// As [`EpisodeLine::step`], at a step at which the AV is led: the nodes are asked as ever, so that they have seen all that happened
+    /// when they are to drive, but `driven` is what is driven, and whoever listens hears it in place of the planner's plan.
+    ///
+    /// # Errors
+    /// As [`EpisodeLine::step`].
+    pub fn led_step(
+        &mut self,
+        observation: &Observation,
+        driven: &Plan,
+        deadline: Duration,
+    ) -> Result<(UncheckedPlan, Option<UncheckedPrediction>), LineError> {
+        self.ask(observation, deadline, Some(driven))
+    }
+
+    fn ask(
+        &mut self,
+        observation: &Observation,
+        deadline: Duration,
+        driven: Option<&Plan>,
+    ) -> Result<(UncheckedPlan, Option<UncheckedPrediction>), LineError> {
         self.look_for_nodes()?;
         self.counts.observations += 1;
         let payload = ZBytes::from(proto::Observation::from(observation).encode_to_vec());
         let mut told = vec![(Channel::Observation, payload.clone())];
         let answers = self.exchange(&payload, deadline, &mut told);
+        if let Some(driven) = driven {
+            let payload = ZBytes::from(proto::Plan::from(driven.clone()).encode_to_vec());
+            told.iter_mut()
+                .filter(|(channel, _)| *channel == Channel::Plan)
+                .for_each(|(_, plan)| *plan = payload.clone());
+        }
         // Only now: the tape's thread would take the time in which the answer is awaited.
         self.tell(told);
         answers

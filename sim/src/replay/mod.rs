@@ -1,4 +1,11 @@
-//! `sim replay`: the recorded episodes of a run, driven again in process by their recorded plans.
+//! `sim replay`: the recorded episodes of a run, driven again.
+//!
+//! | module | what |
+//! | --- | --- |
+//! | here | in process, by their recorded plans |
+//! | [`live`] | by the nodes that drove them |
+//! | [`fork`] | by their plans up to a step, and then by somebody else |
+//! | [`cast`] | what has to be there so that a run can be driven again |
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -14,6 +21,10 @@ use scenarios::{SceneSet, SetError};
 use thiserror::Error;
 
 use crate::cli::ReplayArgs;
+
+pub mod cast;
+pub mod fork;
+pub mod live;
 
 /// A run that cannot be replayed.
 #[derive(Debug, Error)]
@@ -43,6 +54,7 @@ pub struct Replayed {
 }
 
 /// How an episode came out.
+#[derive(Debug)]
 enum Outcome {
     Same(u32),
     Differs(String),
@@ -54,18 +66,30 @@ enum Outcome {
 /// # Errors
 /// [`ReplayRunError`] where it has nothing to replay.
 pub fn run(folder: &Path, arguments: &ReplayArgs) -> Result<Replayed, ReplayRunError> {
-    let file = read_run_file(folder)?.ok_or_else(|| ReplayRunError::NoRun(folder.to_owned()))?;
+    let Asked { file, episodes } = asked(folder, arguments)?;
     let from = if arguments.scenarios.is_empty() { &file.machine.scenarios } else { &arguments.scenarios };
     let scenes = SceneSet::open(from)?;
+    let run = Run { folder, results: Results::read(folder)?, file, scenes };
+    let outcomes: Vec<(usize, Outcome)> = episodes.into_par_iter().map(|index| (index, run.episode(index))).collect();
+    told(folder, &run.file, &outcomes, "are the same to the byte")
+}
+
+/// A run, and which of its episodes are meant.
+struct Asked {
+    file: RunFile,
+    /// Their places among its scenes.
+    episodes: Vec<usize>,
+}
+
+fn asked(folder: &Path, arguments: &ReplayArgs) -> Result<Asked, ReplayRunError> {
+    let file = read_run_file(folder)?.ok_or_else(|| ReplayRunError::NoRun(folder.to_owned()))?;
     let known = |id: &String| file.scenes.iter().any(|scene| scene.id == *id);
     if let Some(id) = arguments.episodes.iter().find(|id| !known(id)) {
         return Err(ReplayRunError::NoEpisode { run: folder.to_owned(), id: id.clone() });
     }
     let is_asked = |id: &String| arguments.episodes.is_empty() || arguments.episodes.contains(id);
-    let asked: Vec<usize> = (0..file.scenes.len()).filter(|index| is_asked(&file.scenes[*index].id)).collect();
-    let run = Run { folder, results: Results::read(folder)?, file, scenes };
-    let outcomes: Vec<(usize, Outcome)> = asked.into_par_iter().map(|index| (index, run.episode(index))).collect();
-    run.told(&outcomes)
+    let episodes = (0..file.scenes.len()).filter(|index| is_asked(&file.scenes[*index].id)).collect();
+    Ok(Asked { file, episodes })
 }
 
 /// A run, and where its scenes are.
@@ -100,34 +124,37 @@ impl Run<'_> {
             Verdict::Same(steps) => self.results.hold(id, &recorded).map(|()| steps),
         }
     }
+}
 
-    fn told(&self, outcomes: &[(usize, Outcome)]) -> Result<Replayed, ReplayRunError> {
-        let (mut text, mut same, mut steps, mut differ, mut unrecorded) = (String::new(), 0, 0_u64, 0, 0);
-        for (index, outcome) in outcomes {
-            match outcome {
-                Outcome::Unrecorded => unrecorded += 1,
-                Outcome::Same(driven) => {
-                    same += 1;
-                    steps += u64::from(*driven);
-                }
-                Outcome::Differs(why) => {
-                    differ += 1;
-                    // A String takes whatever is written.
-                    let _ = writeln!(text, "{}: {why}", self.file.scenes[*index].id);
-                }
+/// A line for each episode that differs, then one on all, which says of those that do not that they `are_the_same`.
+fn told(
+    folder: &Path,
+    file: &RunFile,
+    outcomes: &[(usize, Outcome)],
+    are_the_same: &str,
+) -> Result<Replayed, ReplayRunError> {
+    let (mut text, mut same, mut steps, mut differ, mut unrecorded) = (String::new(), 0, 0_u64, 0, 0);
+    for (index, outcome) in outcomes {
+        match outcome {
+            Outcome::Unrecorded => unrecorded += 1,
+            Outcome::Same(driven) => {
+                same += 1;
+                steps += u64::from(*driven);
+            }
+            Outcome::Differs(why) => {
+                differ += 1;
+                // A String takes whatever is written.
+                let _ = writeln!(text, "{}: {why}", file.scenes[*index].id);
             }
         }
-        if same + differ == 0 {
-            return Err(ReplayRunError::NothingRecorded(self.folder.to_owned()));
-        }
-        let without = if unrecorded > 0 { format!(", {unrecorded} without a recording") } else { String::new() };
-        let folder = self.folder.display();
-        let _ = writeln!(
-            text,
-            "{folder}: {same} episodes of {steps} steps are the same to the byte, {differ} differ{without}"
-        );
-        Ok(Replayed { text, is_same: differ == 0 })
     }
+    if same + differ == 0 {
+        return Err(ReplayRunError::NothingRecorded(folder.to_owned()));
+    }
+    let without = if unrecorded > 0 { format!(", {unrecorded} without a recording") } else { String::new() };
+    let folder = folder.display();
+    let _ = writeln!(text, "{folder}: {same} episodes of {steps} steps {are_the_same}, {differ} differ{without}");
+    Ok(Replayed { text, is_same: differ == 0 })
 }
 
 /// The figures of `results.parquet`, by scene.

@@ -1,0 +1,107 @@
+//! A finished run to be driven again: by the nodes that drove it, over scenes that are still the same.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use results::files::{self, FileError};
+use results::settings::{Planner, Record, RunFile, SceneLine};
+use results::weights;
+use scenarios::{SceneSet, SetError};
+use thiserror::Error;
+
+use crate::request::Request;
+
+/// A run that cannot be driven again.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum CastError {
+    #[error(transparent)]
+    File(#[from] FileError),
+    #[error("{0}\nhint: {hint}", hint = .0.hint())]
+    Scenes(#[from] SetError),
+    #[error("the scene {0} is not there any more\nhint: --scenarios says where the scenes are now")]
+    NoScene(String),
+    #[error(
+        "the scene {0} is another one than was driven: its SHA-256 differs\nhint: --scenarios says where the scenes are now"
+    )]
+    OtherScene(String),
+    #[error("the run was driven with other weights than {}: theirs have the SHA-256 {sha256}\nhint: --weights says where they are now", path.display())]
+    OtherWeights { path: PathBuf, sha256: String },
+    #[error(
+        "the run was driven with the weights that were built in then, SHA-256 {0}; others are now\nhint: --weights FILE, a copy of those"
+    )]
+    OtherBuiltIn(String),
+    #[error("--weights is for the prediction network, and the run has none\nhint: leave it out")]
+    NoNetwork,
+}
+
+/// Where and how a run is driven again, as far as it may be another way than before.
+#[derive(Clone, Debug, Default)]
+pub struct Means {
+    /// Where its scenes are, if not where they were.
+    pub scenarios: Vec<String>,
+    /// Where its weights are, if not where they were.
+    pub weights: Option<PathBuf>,
+    /// Episodes at a time.
+    pub parallel: u16,
+}
+
+/// The request that drives as the run `file` was driven, with nothing recorded, and no folder yet.
+///
+/// # Errors
+/// [`CastError`] where the weights are others.
+pub fn again(file: &RunFile, means: &Means) -> Result<Request, CastError> {
+    let mut machine = file.machine.clone();
+    machine.parallel = means.parallel;
+    machine.weights = own_weights(file, means.weights.as_deref())?;
+    if file.settings.planner != Planner::External {
+        machine.endpoint = None;
+    }
+    if !means.scenarios.is_empty() {
+        machine.scenarios.clone_from(&means.scenarios);
+    }
+    let mut settings = file.settings.clone();
+    settings.record = Record::None;
+    Ok(Request { settings, machine, out: None, retry: Vec::new(), timing: false })
+}
+
+/// Where the weights of the run are; none where it has none, or those that are built in.
+fn own_weights(file: &RunFile, asked: Option<&Path>) -> Result<Option<String>, CastError> {
+    let node = file.settings.predictor.as_ref();
+    let Some(sha256) = node.and_then(|node| node.weights_sha256.clone()) else {
+        return if asked.is_some() { Err(CastError::NoNetwork) } else { Ok(None) };
+    };
+    let path = asked.map(Path::to_owned).or_else(|| file.machine.weights.as_ref().map(PathBuf::from));
+    match path {
+        Some(path) if files::sha256([&*path])? != sha256 => Err(CastError::OtherWeights { path, sha256 }),
+        None if sha256 != weights::built_in_sha256() => Err(CastError::OtherBuiltIn(sha256)),
+        path => Ok(path.map(|path| path.display().to_string())),
+    }
+}
+
+/// Those of the files that a planner's command names that are others now than when the run was driven.
+#[must_use]
+pub fn changed_files(file: &RunFile) -> Vec<&str> {
+    let Planner::Command { files, .. } = &file.settings.planner else { return Vec::new() };
+    let is_other = |(path, sha256): &(&String, &String)| {
+        files::sha256([Path::new(path.as_str())]).map_or(true, |now| now != **sha256)
+    };
+    files.iter().filter(is_other).map(|(path, _)| path.as_str()).collect()
+}
+
+/// The scenes of these episodes, in their order, held to the hashes of those that were driven.
+///
+/// # Errors
+/// [`CastError`] of the first that is not there.
+pub fn scenes<'l>(scenarios: &[String], lines: impl IntoIterator<Item = &'l SceneLine>) -> Result<SceneSet, CastError> {
+    let set = SceneSet::open(scenarios)?;
+    let entries = set.entries().iter().enumerate();
+    let by_id: BTreeMap<&str, usize> = entries.map(|(place, entry)| (entry.id.as_str(), place)).collect();
+    let place = |line: &SceneLine| match by_id.get(line.id.as_str()) {
+        None => Err(CastError::NoScene(line.id.clone())),
+        Some(&place) if set.entries()[place].sha256 != line.sha256 => Err(CastError::OtherScene(line.id.clone())),
+        Some(&place) => Ok(place),
+    };
+    let places = lines.into_iter().map(place).collect::<Result<Vec<usize>, _>>()?;
+    Ok(set.only(&places))
+}
