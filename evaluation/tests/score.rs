@@ -47,6 +47,7 @@ fn run_over(inputs: &[String], root: &Path, protocol: &str, finish: bool) -> Pat
             record: Record::None,
             planner: Planner::Node(Node::named("human", true)),
             predictor: None,
+            fork: None,
             protocol: toml::from_str(&format!("name = \"{protocol}\"")).unwrap(),
         },
         build: Build { version: "0.1.0".to_owned(), git_revision: "0123456789ab".to_owned(), wire_version: 2 },
