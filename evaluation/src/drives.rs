@@ -7,7 +7,7 @@
 //! steps.parquet ─ a scene's rows at a time ─┘
 //! ```
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -131,6 +131,30 @@ impl Run {
             }
         }
         Ok(judged)
+    }
+
+    /// The drives of these scenes alone, by their places in the run, each handed to `use_it` as soon as it is read; as [`Run::each`] otherwise.
+    ///
+    /// # Errors
+    /// [`DrivesError`] of the first drive that cannot be read.
+    pub fn picked<T: Send>(
+        &self,
+        columns: &[&str],
+        indices: &BTreeSet<usize>,
+        use_it: impl Fn(&Driven) -> T + Sync,
+    ) -> Result<Vec<T>, DrivesError> {
+        let wanted: Vec<&str> = PLACES.iter().chain(columns).copied().collect();
+        let mut steps = ByScene::open(&self.folder.join("steps.parquet"), &wanted)?;
+        let (driven, starts) = (self.results.counts("steps")?, self.results.counts("start_log_index")?);
+        let mut rows = Vec::with_capacity(indices.len());
+        for (index, steps_driven) in driven.iter().enumerate().take(indices.last().map_or(0, |last| last + 1)) {
+            let table = if *steps_driven == 0 { None } else { Some(self.rows(&mut steps, index)?) };
+            if indices.contains(&index) {
+                rows.push((index, table));
+            }
+        }
+        let told = rows.into_par_iter().map(|(index, steps)| Ok(use_it(&self.drive(index, starts[index], steps)?)));
+        told.collect::<Vec<Result<T, DrivesError>>>().into_iter().collect()
     }
 
     /// The rows of a scene, which are the next.

@@ -9,13 +9,19 @@
 //! | [`predictions`] | predictions made in a drive against what the agents then did |
 //! | [`recorded`] | a recording's messages, for both of these |
 //! | [`drives`] | the drives of a finished run beside their scenes, for whoever judges them again |
+//! | [`footage`] | all of a drive that can be seen |
+//! | [`picture`] | a drive drawn: a picture, or a clip |
+//! | [`report`] | runs as one page to send to somebody |
 //! | [`replay`] | an episode driven again by the plans of its recording |
 
 pub mod compare;
 pub mod drives;
+pub mod footage;
 pub mod open_loop;
+pub mod picture;
 pub mod predictions;
 pub mod recorded;
 pub mod replay;
+pub mod report;
 pub mod scenes;
 pub mod table;

@@ -6,6 +6,7 @@
 //! | [`matrix`] | several drivers over the same scenes |
 //! | [`predictions`] | the predictions of recorded episodes, scored |
 //! | [`replay`] | recorded episodes driven again |
+//! | [`report`], [`render`] | finished runs as a page, drives as pictures and clips |
 //! | [`run`] | many episodes: workers, nodes, the bus, interrupts |
 //! | [`evaluate`] | drivers side by side on frames of the log |
 //! | [`verify`](mod@verify) | the protocol `paper` beside the authors' own numbers |
@@ -16,7 +17,9 @@ pub mod cli;
 pub mod evaluate;
 pub mod matrix;
 pub mod predictions;
+pub mod render;
 pub mod replay;
+pub mod report;
 pub mod request;
 pub mod run;
 pub mod verify;
