@@ -165,3 +165,59 @@ fn policy(script: &str) -> String {
     let hash = |text: &str| format!("'sha256-{}'", STANDARD.encode(Sha256::digest(text.as_bytes())));
     format!("default-src 'none'; script-src {}; style-src {}; img-src data:", hash(script), hash(CSS))
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    /// The colours of the page in the light, and in the dark.
+    fn colours() -> [BTreeMap<&'static str, [u8; 3]>; 2] {
+        let mut blocks = CSS.match_indices(":root").map(|(at, _)| CSS[at..].split('}').next().unwrap());
+        [blocks.next().unwrap(), blocks.next().unwrap()].map(|block| {
+            let named = block.split("--").skip(1).filter_map(|line| {
+                let (name, colour) = line.split_once(": #")?;
+                let part = |at: usize| u8::from_str_radix(&colour[at..at + 2], 16).unwrap();
+                Some((name, [part(0), part(2), part(4)]))
+            });
+            named.collect()
+        })
+    }
+
+    /// The contrast of two colours (WCAG 2.2).
+    fn contrast(one: [u8; 3], other: [u8; 3]) -> f64 {
+        let light = |part: u8| {
+            let part = f64::from(part) / 255.0;
+            if part <= 0.04045 { part / 12.92 } else { libm::pow((part + 0.055) / 1.055, 2.4) }
+        };
+        let luminance = |[r, g, b]: [u8; 3]| 0.2126 * light(r) + 0.7152 * light(g) + 0.0722 * light(b);
+        let (low, high) = (luminance(one).min(luminance(other)), luminance(one).max(luminance(other)));
+        (high + 0.05) / (low + 0.05)
+    }
+
+    #[test]
+    fn text_is_well_seen_in_the_light_and_in_the_dark() {
+        for colours in colours() {
+            for text in ["ink", "muted", "accent", "bad", "good"] {
+                for ground in ["paper", "card"] {
+                    let found = contrast(colours[text], colours[ground]);
+                    assert!(found >= 4.5, "{text} on {ground}: {found:.2}");
+                }
+            }
+            for shape in ["av", "plan", "future", "vehicle", "pedestrian", "cyclist", "log", "beside"] {
+                let found = contrast(colours[shape], colours["road"]);
+                assert!(found >= 1.9, "{shape} on the road: {found:.2}");
+            }
+        }
+    }
+
+    #[test]
+    fn scripts_and_styles_cannot_end_early() {
+        assert!(
+            !CSS.contains("</")
+                && SCRIPTS.iter().all(|script| !script.contains("</script") && !script.contains("innerHTML"))
+        );
+    }
+}

@@ -72,6 +72,9 @@ function posed(runs, time) {
   return null;
 }
 
+/** Frame 0 is before the first step; the frame after a step shows what came of it. */
+const named = (frame) => (frame ? `step ${frame - 1}` : "start");
+
 const KINDS = ["vehicle", "pedestrian", "cyclist", "other"];
 const RATE = 10; // frames a second
 
@@ -112,8 +115,8 @@ function player() {
     const frame = Math.round(state.time);
     range.value = frame;
     const seconds = (frame / RATE).toFixed(1);
-    range.setAttribute("aria-valuetext", `step ${frame}, ${seconds} seconds`);
-    at("step").textContent = `${frame} / ${film.frames - 1}`;
+    range.setAttribute("aria-valuetext", `${named(frame)}, ${seconds} seconds`);
+    at("step").textContent = frame ? `${frame - 1} of ${film.frames - 2}` : "start";
     at("seconds").textContent = `${seconds} s`;
     at("speed").textContent = `${film.speed[frame].toFixed(1)} m/s`;
     at("limit").textContent = film.limit[frame] >= 0 ? `${film.limit[frame].toFixed(1)} m/s` : "-";
@@ -331,7 +334,7 @@ function player() {
       const item = element("li", fault ? "fault" : "");
       item.dataset.frame = frame;
       const button = element("button");
-      button.append(element("span", "", `step ${frame}`), element("span", "", text));
+      button.append(element("span", "", named(frame)), element("span", "", text));
       button.addEventListener("click", () => seek(frame));
       item.append(button);
       return item;

@@ -397,3 +397,126 @@ fn layers(map: &Map, origin: Origin, near: impl Fn(Point) -> bool) -> Layers {
     layers.stops = stops.map(|point| origin.at(point, MAP)).collect();
     layers
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use base64::Engine as _;
+    use scenarios::SceneSet;
+    use serde_json::Value;
+
+    use super::super::packed::decoded;
+    use super::*;
+    use crate::footage::{Event, Frame};
+
+    /// The log's own drive through a scene of the demo set, planned and predicted as it came to pass.
+    fn footage(number: usize, futures: usize) -> Footage {
+        let (scene, _) = SceneSet::open(&[]).unwrap().load(number).unwrap();
+        let (start, frames) = (19, 100);
+        let at = |track: usize, step: usize| scene.logged(track, step).copied();
+        let ahead = |track: usize, step: usize| -> Vec<Point> {
+            (1..=50).filter_map(|k| Some(at(track, step + k)?.position())).collect()
+        };
+        let frame = |index: usize| {
+            let state = at(scene.av_index(), start + index).unwrap();
+            let others = (0..scene.tracks().len()).filter(|track| *track != scene.av_index());
+            let tracks: Vec<_> = others.map(|track| (scene.tracks()[track].id, ahead(track, start + index))).collect();
+            let future = |which: usize| Future { probability: 1.0 / (1 + which) as f64, tracks: tracks.clone() };
+            Frame {
+                av: PlanState { x: state.x, y: state.y, heading: state.heading, speed: state.speed() },
+                acceleration: 0.3,
+                limit: (index > 50).then_some(13.4),
+                plan: ahead(scene.av_index(), start + index),
+                futures: (0..futures).map(future).collect(),
+            }
+        };
+        let frames = (0..frames).map(frame).collect();
+        let event = Event { frame: 7, text: "</script><b>".to_owned(), is_fault: true };
+        Footage { start, size: [4.8, 2.0], frames, events: vec![event], recording: Recording::Read, scene }
+    }
+
+    fn film(letters: &str) -> Value {
+        let packed = base64::engine::general_purpose::STANDARD.decode(letters).unwrap();
+        serde_json::from_slice(&miniz_oxide::inflate::decompress_to_vec_zlib(&packed).unwrap()).unwrap()
+    }
+
+    fn row(value: &Value) -> Vec<i64> {
+        value.as_array().unwrap().iter().map(|number| number.as_i64().unwrap()).collect()
+    }
+
+    fn numbers(value: &Value, quantum: f64) -> Vec<f64> {
+        decoded(&row(value)).iter().map(|number| *number as f64 * quantum).collect()
+    }
+
+    fn near(told: f64, is: f64, quantum: f64) {
+        assert!((told - is).abs() <= 0.5 * quantum + 1e-9, "{told} for {is}");
+    }
+
+    #[test]
+    fn what_is_played_is_the_drive_within_half_a_quantum() {
+        let footage = footage(3, 2);
+        let beside: Vec<PlanState> = footage.frames[1..].iter().map(|frame| frame.av).collect();
+        let reel = Reel::of(&footage, Some(&Beside { label: "B", states: &beside })).unwrap();
+        assert!(reel.note.is_empty() && !reel.letters.contains('<'));
+        let film = film(&reel.letters);
+        let origin = [0, 1].map(|axis| film["o"][axis].as_f64().unwrap());
+        let run = &film["av"]["run"];
+        let [x, y] = [1, 2].map(|column| numbers(&run[column], PLACE));
+        let (heading, speed) = (numbers(&run[3], HEADING), numbers(&film["speed"], RATE));
+        let limit = numbers(&film["limit"], RATE);
+        assert_eq!((x.len(), film["events"][0][0].as_u64()), (footage.frames.len(), Some(7)));
+        for (index, frame) in footage.frames.iter().enumerate() {
+            near(x[index] + origin[0], frame.av.x, PLACE);
+            near(y[index] + origin[1], frame.av.y, PLACE);
+            near(heading[index], wrap_angle(frame.av.heading), HEADING);
+            near(speed[index], frame.av.speed, RATE);
+            near(limit[index], frame.limit.unwrap_or(-RATE), RATE);
+            // The plan: each point less the one before, the first less the AV.
+            let (mut at_x, mut at_y) = (x[index], y[index]);
+            let told = row(&film["plans"][index]);
+            let points: Vec<Point> = strided(&frame.plan, PLAN_STRIDE).collect();
+            assert_eq!(told.len(), 2 * points.len());
+            for (step, point) in told.chunks(2).zip(points) {
+                (at_x, at_y) = (at_x + step[0] as f64 * PLACE, at_y + step[1] as f64 * PLACE);
+                near(at_x + origin[0], point.x, PLACE);
+                near(at_y + origin[1], point.y, PLACE);
+            }
+        }
+        // Everybody is where the log has them, when it has them.
+        for agent in film["agents"].as_array().unwrap() {
+            let id = TrackId(agent["id"].as_i64().unwrap() as i32);
+            let track = footage.scene.tracks().iter().position(|track| track.id == id).unwrap();
+            let mut told = 0;
+            for run in agent["runs"].as_array().unwrap() {
+                let from = run[0].as_u64().unwrap() as usize;
+                for (offset, (x, y)) in numbers(&run[1], PLACE).iter().zip(numbers(&run[2], PLACE)).enumerate() {
+                    let state = footage.scene.logged(track, footage.start + from + offset).unwrap();
+                    near(x + origin[0], state.x, PLACE);
+                    near(y + origin[1], state.y, PLACE);
+                    told += 1;
+                }
+            }
+            let frames = 0..footage.frames.len();
+            assert_eq!(told, frames.filter(|at| footage.scene.logged(track, footage.start + at).is_some()).count());
+        }
+        assert_eq!(film["beside"]["run"][1], film["av"]["run"][1]);
+    }
+
+    #[test]
+    fn no_drive_of_the_demo_set_is_too_large_and_what_is_left_out_is_said() {
+        for number in 0..SceneSet::open(&[]).unwrap().entries().len() {
+            let reel = Reel::of(&footage(number, 6), None).unwrap();
+            assert!(reel.letters.len() <= MOST_BYTES, "{}", reel.letters.len());
+        }
+        // Far more futures than anybody makes.
+        let mut large = footage(3, 6);
+        for frame in &mut large.frames {
+            for (which, future) in frame.futures.iter_mut().enumerate() {
+                let wild = |k: usize| Point::new((k * k * (which + 7) % 997) as f64, (k * (which + 3) % 991) as f64);
+                future.tracks.iter_mut().for_each(|(_, points)| *points = (0..50).map(wild).collect());
+            }
+        }
+        let reel = Reel::of(&large, None).unwrap();
+        assert!(reel.letters.len() <= MOST_BYTES && !reel.note.is_empty(), "{}: {}", reel.letters.len(), reel.note);
+    }
+}

@@ -25,6 +25,8 @@ pub fn section(comparison: &Result<Comparison, String>) -> Markup {
 
 fn told(comparison: &Comparison) -> Markup {
     let differs = comparison.alike < comparison.pairs;
+    let told = sentences::figures(comparison, &[Verdict::Better, Verdict::Worse]);
+    let open = sentences::figures(comparison, &[Verdict::NotDistinguishable]);
     html! {
         p { strong { (sentences::headline(comparison)) } " (" (sentences::rules(comparison)) ")." }
         @if differs {
@@ -32,7 +34,13 @@ fn told(comparison: &Comparison) -> Markup {
             (flips("New failures", "what went wrong in B", &comparison.new_failures))
             (flips("Mended", "what went wrong in A", &comparison.mended))
             p { (sentences::tally(comparison)) "." }
-            (figures(comparison))
+            @if !told.is_empty() { (figures("Figures that are better or worse", &told)) }
+            @if !open.is_empty() {
+                details {
+                    summary { (open.len()) " figures that are not distinguishable" }
+                    (figures("Figures that are not distinguishable", &open))
+                }
+            }
         }
         @for note in sentences::notes(comparison) { p.note { (note) } }
     }
@@ -58,9 +66,7 @@ fn flips(name: &str, what: &str, flips: &[Flip]) -> Markup {
     }
 }
 
-fn figures(comparison: &Comparison) -> Markup {
-    let told = sentences::figures(comparison, &[Verdict::Better, Verdict::Worse]);
-    let open = sentences::figures(comparison, &[Verdict::NotDistinguishable]);
+fn figures(what: &str, figures: &[&Figure]) -> Markup {
     let row = |figure: &Figure| {
         let [name, a, b, difference, interval, detectable, p, n] = sentences::cells(figure);
         let (verdict, class) = match figure.verdict {
@@ -74,7 +80,7 @@ fn figures(comparison: &Comparison) -> Markup {
         } }
     };
     html! {
-        div.scroll tabindex="0" role="region" aria-label="Figures of A and B" {
+        div.scroll tabindex="0" role="region" aria-label=(what) {
             table {
                 thead { tr {
                     th.words scope="col" { "figure" }
@@ -82,7 +88,7 @@ fn figures(comparison: &Comparison) -> Markup {
                     th.words scope="col" { "verdict" }
                     @for head in ["p", "detectable", "n"] { th scope="col" { (head) } }
                 } }
-                tbody { @for figure in told.iter().chain(&open) { (row(figure)) } }
+                tbody { @for figure in figures { (row(figure)) } }
             }
         }
     }
