@@ -59,7 +59,7 @@ pub enum Command {
     Report(ReportArgs),
     /// Draw a drive from above: a picture of a step, or a clip
     ///
-    /// Step 0 is before the first one is driven. Plans and predictions are drawn where the episode is recorded. An MP4 takes `ffmpeg`.
+    /// A step shows what came of it, as the tables number them. Plans and predictions are drawn where the episode is recorded. An MP4 takes `ffmpeg`.
     Render(RenderArgs),
     /// Hold the protocol `paper` to vectors of the authors' simulator
     ///
@@ -440,8 +440,8 @@ pub struct RenderArgs {
     /// The scene whose drive is drawn; `sim table --scenes` lists them
     #[arg(long, value_name = "ID")]
     pub episode: String,
-    /// A picture of this step, or of the last one
-    #[arg(long, value_name = "STEP|last", group = "what")]
+    /// A picture after this step, as tables number them; `last` is where the drive ended, `start` before its first step
+    #[arg(long, value_name = "STEP", group = "what")]
     pub png: Option<PictureStep>,
     /// A clip of the whole drive that plays in any page
     #[arg(long, group = "what")]
@@ -469,7 +469,9 @@ pub struct RenderArgs {
 /// Which step a picture shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PictureStep {
-    /// That of this number.
+    /// Before the first step.
+    Start,
+    /// After the step of this number.
     Step(usize),
     /// Where the drive ended.
     Last,
@@ -481,8 +483,9 @@ impl FromStr for PictureStep {
     fn from_str(text: &str) -> Result<Self, String> {
         match text.parse() {
             Ok(step) => Ok(Self::Step(step)),
+            Err(_) if text == "start" => Ok(Self::Start),
             Err(_) if text == "last" => Ok(Self::Last),
-            Err(_) => Err("a step is a number, or the word last".to_owned()),
+            Err(_) => Err("a step is a number, or one of the words start and last".to_owned()),
         }
     }
 }

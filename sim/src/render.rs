@@ -91,7 +91,8 @@ pub fn draw(arguments: &RenderArgs, clock: &impl Clock) -> Result<Drawn, RenderE
     let picture = |source| RenderError::Picture { episode: episode.clone(), source };
     let end = footage.frames.len() - 1;
     let (first, last) = match arguments.png {
-        Some(PictureStep::Step(step)) => (step, step),
+        Some(PictureStep::Start) => (0, 0),
+        Some(PictureStep::Step(step)) => (step.saturating_add(1), step.saturating_add(1)),
         Some(PictureStep::Last) => (end, end),
         None => (0, end),
     };
@@ -100,7 +101,8 @@ pub fn draw(arguments: &RenderArgs, clock: &impl Clock) -> Result<Drawn, RenderE
     let look = Look { size, across: arguments.across };
     let mut painter = Painter::new(&footage, &title, look, last).map_err(picture)?;
     let path = arguments.out.clone().unwrap_or_else(|| match arguments.png {
-        Some(_) => PathBuf::from(format!("{episode}-{first}.png")),
+        Some(PictureStep::Start) => PathBuf::from(format!("{episode}-start.png")),
+        Some(_) => PathBuf::from(format!("{episode}-{}.png", first.saturating_sub(1))),
         None => PathBuf::from(format!("{episode}.{}", if arguments.gif { "gif" } else { "mp4" })),
     });
     let begun = clock.now();

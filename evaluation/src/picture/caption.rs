@@ -24,7 +24,8 @@ pub fn draw(brush: &mut Brush<'_>, letters: &mut Letters, footage: &Footage, fra
     let base = height - 0.72 * size;
     let shown = &footage.frames[frame];
     let limit = shown.limit.map(|limit| format!(" of {limit:.1}")).unwrap_or_default();
-    let figures = format!("step {frame}   {:.1} s   {:.1}{limit} m/s", frame as f64 / 10.0, shown.av.speed);
+    let step = frame.checked_sub(1).map_or_else(|| "start".to_owned(), |step| format!("step {step}"));
+    let figures = format!("{step}   {:.1} s   {:.1}{limit} m/s", frame as f64 / 10.0, shown.av.speed);
     let taken = text::width(&figures, size);
     write(brush, &figures, [width - margin - taken, base], colours::INK);
     let room = width - 4.0 * margin - taken;

@@ -62,9 +62,11 @@ pub struct Look {
 #[allow(missing_docs, reason = "the messages say it")]
 pub enum PictureError {
     #[error(
-        "the episode has the steps 0 to {last}, so no step {step}\nhint: step 0 is before the first one is driven, step {last} is its end"
+        "the drive has the steps 0 to {last}, so no step {step}\nhint: `last` is where it ended, `start` before its first step"
     )]
     NoStep { step: usize, last: usize },
+    #[error("no step of it was driven\nhint: `start` is all that there is to be seen")]
+    NotDriven,
     #[error("a picture is {} to {} pixels a side, not {across} x {down}", SIDES.start(), SIDES.end())]
     Size { across: u32, down: u32 },
     #[error("a picture shows {least} to {most} m across, not {0}", least = ACROSS.start(), most = ACROSS.end())]
@@ -106,7 +108,7 @@ impl<'f> Painter<'f> {
         }
         let end = footage.frames.len() - 1;
         if last > end {
-            return Err(PictureError::NoStep { step: last, last: end });
+            return Err(no_frame(last, end));
         }
         let canvas = Pixmap::new(across, down).ok_or(PictureError::Size { across, down })?;
         let scale = f64::from(across) / look.across;
@@ -120,8 +122,7 @@ impl<'f> Painter<'f> {
     /// [`PictureError`] where there is no such frame.
     pub fn frame(&mut self, frame: usize) -> Result<&[u8], PictureError> {
         let footage = self.footage;
-        let last = footage.frames.len() - 1;
-        let shown = footage.frames.get(frame).ok_or(PictureError::NoStep { step: frame, last })?;
+        let shown = footage.frames.get(frame).ok_or_else(|| no_frame(frame, footage.frames.len() - 1))?;
         let window = self.window(shown);
         if !self.block.as_ref().is_some_and(|block| block.holds(window)) {
             let rest = footage.frames[frame..=self.last.max(frame)].iter().map(|frame| self.window(frame));
@@ -148,6 +149,14 @@ impl<'f> Painter<'f> {
     fn window(&self, frame: &Frame) -> Window {
         let [across, down] = self.look.size;
         Window::around(Point::new(frame.av.x, frame.av.y), self.scale, across, down)
+    }
+}
+
+/// In words of steps: frame k + 1 shows what came of step k.
+fn no_frame(frame: usize, end: usize) -> PictureError {
+    match end {
+        0 => PictureError::NotDriven,
+        end => PictureError::NoStep { step: frame.saturating_sub(1), last: end - 1 },
     }
 }
 

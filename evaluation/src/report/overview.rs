@@ -97,9 +97,8 @@ fn planner(planner: &Planner) -> String {
 
 fn node(node: &Node) -> String {
     let weights = node.weights_sha256.iter().map(|hash| format!("weights {}", hash.get(..HASH).unwrap_or(hash)));
-    let parts: Vec<String> =
-        std::iter::once(node.name.clone()).chain(node.options.iter().cloned()).chain(weights).collect();
-    parts.join(", ")
+    let told = std::iter::once(node.name.clone()).chain(node.options.iter().cloned()).collect::<Vec<_>>().join(" ");
+    std::iter::once(told).chain(weights).collect::<Vec<_>>().join(", ")
 }
 
 /// The runs, those of one protocol together.

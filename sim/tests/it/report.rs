@@ -82,7 +82,7 @@ fn ten_thousand_episodes_make_a_page() {
     for (name, shift) in [("a", 0), ("b", 3)] {
         let one = |at: u32| {
             let speed = f64::from((at * 7 + shift) % 11) + 5.0;
-            if (at + shift) % 13 == 0 {
+            if (at + shift).is_multiple_of(13) {
                 drive(&format!("scene-{at:05}"), speed, strikes)
             } else {
                 drive(&format!("scene-{at:05}"), speed, |_| {})
