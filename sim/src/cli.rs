@@ -52,10 +52,10 @@ pub enum Command {
     /// Each recorded episode is driven in process by the plans of its recording. Scene, observations, steps, events and end must be the same to the
     /// byte, and the figures those of results.parquet. Names the first step and field that differ; exits with 1 where one does.
     Replay(ReplayArgs),
-    /// Write runs as one HTML page to send to somebody: figures, distributions, every scene, and failed drives to be played
+    /// Write runs as one page to send to somebody, with failed drives to be played
     ///
-    /// The page is one file and loads nothing. Of two runs over the same scenes the first is A, the baseline, and the page compares them as
-    /// `sim compare` does. docs/report.md shows what is in it.
+    /// Figures, distributions, every scene and a player are in one HTML file, which loads nothing. Of two runs over the same scenes the first is
+    /// A, the baseline, and the page compares them as `sim compare` does. docs/report.md shows what is in it.
     Report(ReportArgs),
     /// Draw a drive from above: a picture of a step, or a clip
     ///

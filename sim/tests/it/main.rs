@@ -40,6 +40,8 @@ fn help_says_what_can_be_typed() {
       compare      Compare two finished runs: what flipped, what moved, what may be chance
       predictions  Score the predictions of recorded drives against what the agents then did
       replay       Drive recorded episodes again by their plans, and say whether all is the same
+      report       Write runs as one page to send to somebody, with failed drives to be played
+      render       Draw a drive from above: a picture of a step, or a clip
       verify       Hold the protocol `paper` to vectors of the authors' simulator
       help         Print this message or the help of the given subcommand(s)
 
@@ -165,6 +167,8 @@ fn help_says_what_can_be_typed() {
     --- stderr
     ");
     insta::assert_snapshot!(sim(folder.path(), &["compare", "-h"]));
+    insta::assert_snapshot!(sim(folder.path(), &["report", "-h"]), @"");
+    insta::assert_snapshot!(sim(folder.path(), &["render", "-h"]), @"");
 }
 
 #[test]

@@ -98,7 +98,9 @@ impl Browser {
     fn listen(&mut self, heard: &Value) {
         let said = &heard["params"];
         match heard["method"].as_str().unwrap_or_default() {
-            "Runtime.exceptionThrown" | "Log.entryAdded" => self.trouble.push(said.to_string()),
+            "Runtime.exceptionThrown" => self.trouble.push(said.to_string()),
+            // Warnings of the browser's own are on how the test reads pixels.
+            "Log.entryAdded" if said["entry"]["level"] == "error" => self.trouble.push(said.to_string()),
             "Runtime.consoleAPICalled" if said["type"] != "log" => self.trouble.push(said.to_string()),
             "Network.requestWillBeSent" => {
                 let url = said["request"]["url"].as_str().unwrap_or_default();

@@ -74,7 +74,8 @@ fn the_page_plays_and_scrubs_by_clicks_and_keys_on_every_screen() {
     browser.wait_for("location.hash.startsWith('#drive-')");
 
     // The picture is one: it has many colours, and others in the dark.
-    let colours = "(() => { const { data } = document.getElementById('stage').getContext('2d').getImageData(0, 0, 400, 300); \
+    let colours = "(() => { const stage = document.getElementById('stage'); \
+                   const { data } = stage.getContext('2d').getImageData(0, 0, stage.width, stage.height); \
                    return [...new Set(new Uint32Array(data.buffer))].length; })()";
     assert!(browser.value(colours).as_u64().unwrap() > 20);
     browser.picture("desktop", true);
