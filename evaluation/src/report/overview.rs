@@ -84,7 +84,7 @@ fn facts(source: &Source) -> Markup {
         ("Scenes", format!("{} of {scenes}", source.file.scenes.len())),
         ("Folder", source.summary.folder.display().to_string()),
     ];
-    html! { dl { @for (name, value) in facts { dt { (name) } dd { (value) } } } }
+    html! { dl { @for (name, value) in facts { div { dt { (name) } dd { (value) } } } } }
 }
 
 fn planner(planner: &Planner) -> String {

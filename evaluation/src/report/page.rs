@@ -123,7 +123,7 @@ fn distributions(sources: &[Source]) -> Result<Markup, ReportError> {
             };
             let samples: Vec<Sample> =
                 sources.iter().filter(|one| one.summary.protocol == **protocol).map(of).collect();
-            let Some(svg) = boxplots(&name, digits, &samples)? else { continue };
+            let Some(svg) = boxplots(&name, &samples)? else { continue };
             let unit = if protocols.len() > 1 { format!("{unit} · {protocol}") } else { unit.to_owned() };
             figures.push(html! {
                 figure.card {

@@ -30,9 +30,9 @@ const PAGE_COLOURS: [(&str, &str); 5] = [
 
 /// Units of the drawing, two a pixel of the page: across, down a run, and of the axis.
 const WIDTH: u32 = 640;
-const ROW: u32 = 76;
-const AXIS: u32 = 52;
-const FONT: u32 = 23;
+const ROW: u32 = 92;
+const AXIS: u32 = 56;
+const FONT: u32 = 30;
 /// Dots that are drawn beyond the whiskers of a run; more would be a smear, and megabytes.
 const MOST_DOTS: usize = 300;
 
@@ -98,12 +98,12 @@ fn quantile(ascending: &[f64], share: f64) -> Option<f64> {
 ///
 /// # Errors
 /// [`PlotError`] where the library gives up.
-pub fn boxplots(metric: &str, digits: usize, samples: &[Sample]) -> Result<Option<String>, PlotError> {
+pub fn boxplots(metric: &str, samples: &[Sample]) -> Result<Option<String>, PlotError> {
     let ends = samples.iter().filter_map(|sample| Some((*sample.values.first()?, *sample.values.last()?)));
     let Some((low, high)) = ends.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else { return Ok(None) };
     let margin = if high > low { 0.03 * (high - low) } else { 0.5 };
     let mut svg = String::new();
-    draw(&mut svg, (low - margin)..(high + margin), digits, samples)
+    draw(&mut svg, (low - margin)..(high + margin), samples)
         .map_err(|why| PlotError { metric: metric.to_owned(), why })?;
     for (stand_in, colour) in PAGE_COLOURS {
         svg = svg.replace(stand_in, colour);
@@ -111,7 +111,7 @@ pub fn boxplots(metric: &str, digits: usize, samples: &[Sample]) -> Result<Optio
     Ok(Some(svg))
 }
 
-fn draw(svg: &mut String, range: std::ops::Range<f64>, digits: usize, samples: &[Sample]) -> Result<(), String> {
+fn draw(svg: &mut String, range: std::ops::Range<f64>, samples: &[Sample]) -> Result<(), String> {
     let told = |error: &dyn std::fmt::Display| error.to_string();
     let rows = samples.len() as u32;
     let root = SVGBackend::with_string(svg, (WIDTH, rows * ROW + AXIS)).into_drawing_area();
@@ -122,7 +122,7 @@ fn draw(svg: &mut String, range: std::ops::Range<f64>, digits: usize, samples: &
         .x_label_area_size(AXIS)
         .build_cartesian_2d(range.clone(), 0.0..f64::from(rows))
         .map_err(|error| told(&error))?;
-    let digits = tick_digits(range.end - range.start, digits);
+    let digits = tick_digits(range.end - range.start);
     chart
         .configure_mesh()
         .disable_y_mesh()
@@ -160,15 +160,10 @@ fn draw(svg: &mut String, range: std::ops::Range<f64>, digits: usize, samples: &
     root.present().map_err(|error| told(&error))
 }
 
-/// As many digits as five ticks need, and no more than the figure has.
-fn tick_digits(span: f64, most: usize) -> usize {
-    let needed = match span {
-        span if span > 10.0 => 0,
-        span if span > 1.0 => 1,
-        span if span > 0.1 => 2,
-        _ => 3,
-    };
-    needed.min(most.max(1))
+/// As many digits as tell five ticks apart.
+fn tick_digits(span: f64) -> usize {
+    const SPANS: [f64; 6] = [10.0, 1.0, 0.1, 0.01, 0.001, 0.0001];
+    SPANS.iter().position(|least| span > *least).unwrap_or(SPANS.len())
 }
 
 #[cfg(test)]
@@ -193,9 +188,9 @@ mod tests {
     #[test]
     fn a_plot_has_the_pages_colours_and_escapes_labels() {
         let evil = Sample::new("<script>".to_owned(), [1.0, 2.0, 3.0, 50.0].into_iter());
-        let svg = boxplots("progress", 1, &[evil, sample(&[2.0, 2.0])]).unwrap().unwrap();
+        let svg = boxplots("progress", &[evil, sample(&[2.0, 2.0])]).unwrap().unwrap();
         assert!(svg.contains("currentColor") && svg.contains("var(--accent)") && !svg.contains("<script"), "{svg}");
         assert!(!svg.contains("#0"), "{svg}");
-        assert_eq!(boxplots("progress", 1, &[sample(&[])]).unwrap(), None);
+        assert_eq!(boxplots("progress", &[sample(&[])]).unwrap(), None);
     }
 }
