@@ -35,6 +35,8 @@ const AXIS: u32 = 56;
 const FONT: u32 = 30;
 /// Dots that are drawn beyond the whiskers of a run; more would be a smear, and megabytes.
 const MOST_DOTS: usize = 300;
+/// With more digits than these a number is written with its power of ten.
+const MOST_DIGITS: usize = 4;
 
 /// A run's values.
 #[derive(Clone, Debug)]
@@ -128,7 +130,9 @@ fn draw(svg: &mut String, range: std::ops::Range<f64>, samples: &[Sample]) -> Re
         .disable_y_mesh()
         .disable_y_axis()
         .x_labels(5)
-        .x_label_formatter(&|value| format!("{value:.digits$}"))
+        .x_label_formatter(&|value| {
+            if digits > MOST_DIGITS { format!("{value:.1e}") } else { format!("{value:.digits$}") }
+        })
         .light_line_style(TRANSPARENT)
         .bold_line_style(LINE.stroke_width(1))
         .axis_style(LINE.stroke_width(2))
