@@ -7,7 +7,7 @@
 //! steps.parquet ─ a scene's rows at a time ─┘
 //! ```
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -142,17 +142,43 @@ impl Run {
     /// # Errors
     /// [`DrivesError`] of the first drive that cannot be read.
     pub fn each<T: Send>(&self, columns: &[&str], judge: impl Fn(&Driven) -> T + Sync) -> Result<Vec<T>, DrivesError> {
-        let Some(scenes) = &self.scenes else { return Self::open(&self.folder, &[])?.each(columns, judge) };
+        self.walk(columns, |_| true, judge)
+    }
+
+    /// The same for drives by their places in the run, and no others.
+    ///
+    /// # Errors
+    /// [`DrivesError`] of the first drive that cannot be read.
+    pub fn picked<T: Send>(
+        &self,
+        columns: &[&str],
+        indices: &BTreeSet<usize>,
+        judge: impl Fn(&Driven) -> T + Sync,
+    ) -> Result<Vec<T>, DrivesError> {
+        self.walk(columns, |index| indices.contains(&index), judge)
+    }
+
+    fn walk<T: Send>(
+        &self,
+        columns: &[&str],
+        is_wanted: impl Fn(usize) -> bool,
+        judge: impl Fn(&Driven) -> T + Sync,
+    ) -> Result<Vec<T>, DrivesError> {
+        let Some(scenes) = &self.scenes else {
+            return Self::open(&self.folder, &[])?.walk(columns, is_wanted, judge);
+        };
         let wanted: Vec<&str> = PLACES.iter().chain(columns).copied().collect();
         let mut steps = ByScene::open(&self.folder.join("steps.parquet"), &wanted)?;
         let (driven, starts) = (self.results.counts("steps")?, self.results.counts("start_log_index")?);
-        let mut judged = Vec::with_capacity(scenes.places.len());
-        let indices: Vec<usize> = (0..scenes.places.len()).collect();
-        for some in indices.chunks(AT_A_TIME * rayon::current_num_threads()) {
-            let mut rows = Vec::with_capacity(some.len());
-            for &index in some {
+        let mut judged = Vec::new();
+        let mut indices = (0..scenes.places.len()).peekable();
+        while indices.peek().is_some() {
+            let mut rows = Vec::new();
+            while let Some(index) = indices.next_if(|_| rows.len() < AT_A_TIME * rayon::current_num_threads()) {
                 let table = if driven[index] == 0 { None } else { Some(self.rows(&mut steps, index)?) };
-                rows.push((index, table));
+                if is_wanted(index) {
+                    rows.push((index, table));
+                }
             }
             let told = rows
                 .into_par_iter()

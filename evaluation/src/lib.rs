@@ -13,14 +13,20 @@
 //! | [`score`](mod@score) | every score from one drive: ours and other tools' |
 //! | [`replay`] | an episode driven again: by the plans of its recording, or by its nodes |
 //! | [`blame`] | failures, and what would have saved them |
+//! | [`footage`] | all of a drive that can be seen |
+//! | [`picture`] | a drive drawn: a picture, or a clip |
+//! | [`report`] | runs as one page to send to somebody |
 
 pub mod blame;
 pub mod compare;
 pub mod drives;
+pub mod footage;
 pub mod open_loop;
+pub mod picture;
 pub mod predictions;
 pub mod recorded;
 pub mod replay;
+pub mod report;
 pub mod scenes;
 pub mod score;
 pub mod table;

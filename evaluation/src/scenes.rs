@@ -5,13 +5,16 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use comfy_table::{Cell, CellAlignment, ColumnConstraint, ContentArrangement, Table as Grid, presets};
-use results::parquet::{ParquetError, Table};
+use results::parquet::{ByScene, ParquetError, Table};
 use results::summary::Summary;
 
 use crate::table::{TableFormat, label, quoted, title};
 
 /// Events of a scene that are told beside its end.
 const EVENTS: usize = 3;
+
+/// How the sentence on an event ends that does not count, because the log's own AV breaks the same rule.
+pub(crate) const NOT_COUNTED: &str = "not counted)";
 
 /// How a run came out, scene by scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,12 +24,12 @@ pub struct Scenes {
 
 /// An episode.
 #[derive(Clone, Debug, PartialEq)]
-struct Row {
-    scene: String,
+pub(crate) struct Row {
+    pub(crate) scene: String,
     /// nuPlan's; none where the protocol or the episode has none.
-    score: Option<f64>,
+    pub(crate) score: Option<f64>,
     failed: bool,
-    end: String,
+    pub(crate) end: String,
     what: String,
     /// What is odd about the scene: codes of `scenarios lint`.
     findings: String,
@@ -36,7 +39,7 @@ struct Row {
 
 impl Row {
     /// What happened, and what is to be known of the scene, in one text.
-    fn story(&self) -> String {
+    pub(crate) fn story(&self) -> String {
         let notes = [("scene", &self.findings), ("not judged", &self.unjudged)];
         let notes = notes.iter().filter(|(_, text)| !text.is_empty()).map(|(name, text)| format!("[{name}: {text}]"));
         let what = Some(self.what.clone()).filter(|what| !what.is_empty());
@@ -52,7 +55,7 @@ fn gravity(end: &str) -> usize {
 
 impl Row {
     /// Failed ones first, then by score, then by end; scenes of a kind stay in the run's order.
-    fn compare(&self, other: &Self) -> Ordering {
+    pub(crate) fn compare(&self, other: &Self) -> Ordering {
         let score = |row: &Self| row.score.unwrap_or(f64::INFINITY);
         let failed = other.failed.cmp(&self.failed);
         failed.then(score(self).total_cmp(&score(other))).then(gravity(&self.end).cmp(&gravity(&other.end)))
@@ -66,7 +69,7 @@ impl Scenes {
     /// [`ParquetError`] where its files cannot be read.
     pub fn read(folder: &Path, worst: Option<usize>) -> Result<Self, ParquetError> {
         let results = Table::read(&folder.join("results.parquet"))?;
-        let mut events = events(&Table::read(&folder.join("steps.parquet"))?)?;
+        let mut events = events(&folder.join("steps.parquet"))?;
         let scores = results.numbers()?.remove("nuplan_score").unwrap_or_default();
         let (failed, ends) = (results.flags("failed")?, results.text("end_reason")?);
         let details = results.text("end_detail")?;
@@ -85,6 +88,11 @@ impl Scenes {
         rows.truncate(worst.unwrap_or(usize::MAX));
         Ok(Self { rows })
     }
+
+    /// The episodes, the worst first.
+    pub(crate) fn rows(&self) -> &[Row] {
+        &self.rows
+    }
 }
 
 /// The end, and what else happened.
@@ -100,13 +108,16 @@ fn what(detail: &str, events: &[String]) -> String {
     told.join("; ")
 }
 
-/// What counts of each scene's events, with their steps.
-fn events(steps: &Table) -> Result<BTreeMap<String, Vec<String>>, ParquetError> {
-    let mut events: BTreeMap<String, Vec<String>> = BTreeMap::new();
-    let rows = steps.text("scene")?.into_iter().zip(steps.counts("step")?).zip(steps.text("events")?);
-    for ((scene, step), text) in rows.filter(|(_, text)| !text.is_empty()) {
-        let counted = text.lines().filter(|line| !line.ends_with("not counted)"));
-        events.entry(scene).or_default().extend(counted.map(|line| format!("step {step}: {line}")));
+/// What counts of each scene's events, with their steps. The file is read scene by scene: that of many episodes is large.
+fn events(steps: &Path) -> Result<BTreeMap<String, Vec<String>>, ParquetError> {
+    let mut events = BTreeMap::new();
+    for told in ByScene::open(steps, &["step", "events"])? {
+        let (scene, steps) = told?;
+        let of_scene: &mut Vec<String> = events.entry(scene).or_default();
+        for (step, text) in steps.counts("step")?.into_iter().zip(steps.text("events")?) {
+            let counted = text.lines().filter(|line| !line.ends_with(NOT_COUNTED));
+            of_scene.extend(counted.map(|line| format!("step {step}: {line}")));
+        }
     }
     Ok(events)
 }

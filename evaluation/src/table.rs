@@ -151,6 +151,47 @@ fn body(runs: &[&Summary], columns: &[&Column], counts: bool, head_separator: &s
     table
 }
 
+/// The figures of runs under one protocol, for whoever lays them out otherwise.
+pub(crate) struct Figures {
+    /// What they are of.
+    pub(crate) title: String,
+    /// What each figure is, with its unit.
+    pub(crate) heads: Vec<String>,
+    /// A run each: what it is called, episodes with a result, failed ones, and its figures.
+    pub(crate) rows: Vec<(String, [usize; 2], Vec<String>)>,
+    /// What is to be known of single episodes, a line each.
+    pub(crate) notes: Vec<String>,
+}
+
+/// Those of `runs`, which share a protocol.
+pub(crate) fn figures(runs: &[&Summary]) -> Figures {
+    let columns = columns_of(runs);
+    let row = |run: &&Summary| {
+        let values = columns.iter().map(|column| value(run, column)).collect();
+        (label(run, runs), [run.counted(), run.failures.len()], values)
+    };
+    Figures {
+        title: title(runs),
+        heads: columns.iter().map(|column| words(column.0)).collect(),
+        rows: runs.iter().map(row).collect(),
+        notes: notes(runs, "").lines().filter(|line| !line.is_empty()).map(str::to_owned).collect(),
+    }
+}
+
+/// What of a protocol's figures are means: name and unit, the metric behind it, and digits.
+pub(crate) fn measures(protocol: &str) -> impl Iterator<Item = (String, &'static str, &'static str, usize)> {
+    columns(protocol).filter_map(|column| match (column.3, column.0) {
+        (Show::Mean(digits), [head @ .., unit]) => Some((words(head), *unit, column.2, digits)),
+        _ => None,
+    })
+}
+
+/// A head's lines as one.
+fn words(lines: &[&str]) -> String {
+    let words: Vec<&str> = lines.iter().copied().filter(|line| !line.is_empty()).collect();
+    words.join(" ").replace("- ", "")
+}
+
 /// The columns of the table that `runs` share.
 fn columns_of(runs: &[&Summary]) -> Vec<&'static Column> {
     runs.first().map(|run| columns(&run.protocol).collect()).unwrap_or_default()

@@ -69,6 +69,15 @@ pub enum Command {
     ///
     /// Agents of a log do what they did, whatever the AV does. docs/validity.md defines who would have had to react.
     Validity(ValidityArgs),
+    /// Write runs as one page to send to somebody, with failed drives to be played
+    ///
+    /// Figures, distributions, every scene and a player are in one HTML file, which loads nothing. Of two runs over the same scenes the first is
+    /// A, the baseline, and the page compares them as `sim compare` does. docs/report.md shows what is in it.
+    Report(ReportArgs),
+    /// Draw a drive from above: a picture of a step, or a clip
+    ///
+    /// A step shows what came of it, as the tables number them. Plans and predictions are drawn where the episode is recorded. An MP4 takes `ffmpeg`.
+    Render(RenderArgs),
     /// Hold the protocol `paper` to vectors of the authors' simulator
     ///
     /// Drives the episodes that the folder holds and prints the worst deviation of each quantity beside its tolerance. Exits with
@@ -577,6 +586,102 @@ pub struct CompareArgs {
     pub seed: u64,
 }
 
+/// `sim report`.
+#[derive(Debug, Args)]
+pub struct ReportArgs {
+    /// Folders of finished runs
+    #[arg(required = true, value_name = "RUN")]
+    pub runs: Vec<PathBuf>,
+    /// The page
+    #[arg(long, value_name = "FILE", default_value = "report.html")]
+    pub html: PathBuf,
+    /// So many of the failed drives are in the page to be played, the worst first
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    pub players: usize,
+    /// These are too, failed or not, of each run that drove them
+    #[arg(long, value_name = "ID", num_args = 1.., value_delimiter = ',')]
+    pub episodes: Vec<String>,
+    /// Where the scenes are [default: where the runs have them from]
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    pub scenarios: Vec<String>,
+    /// What draws the resamples of the intervals
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+}
+
+/// `sim render`.
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("what").required(true))]
+pub struct RenderArgs {
+    /// Folder of a finished run
+    #[arg(value_name = "RUN")]
+    pub run: PathBuf,
+    /// The scene whose drive is drawn; `sim table --scenes` lists them
+    #[arg(long, value_name = "ID")]
+    pub episode: String,
+    /// A picture after this step, as tables number them; `last` is where the drive ended, `start` before its first step
+    #[arg(long, value_name = "STEP", group = "what")]
+    pub png: Option<PictureStep>,
+    /// A clip of the whole drive that plays in any page
+    #[arg(long, group = "what")]
+    pub gif: bool,
+    /// A clip of the whole drive as video
+    #[arg(long, group = "what")]
+    pub mp4: bool,
+    /// The file [default: ID-STEP.png, ID.gif or ID.mp4]
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Pixels [default: 960x540, of a GIF 640x360]
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<Size>,
+    /// Metres that are seen across
+    #[arg(long, value_name = "METRES", default_value_t = 100.0)]
+    pub across: f64,
+    /// Where the scenes are [default: where the run has them from]
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    pub scenarios: Vec<String>,
+    /// Say on standard error how many frames a second were drawn
+    #[arg(long)]
+    pub timing: bool,
+}
+
+/// Which step a picture shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PictureStep {
+    /// Before the first step.
+    Start,
+    /// After the step of this number.
+    Step(usize),
+    /// Where the drive ended.
+    Last,
+}
+
+impl FromStr for PictureStep {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.parse() {
+            Ok(step) => Ok(Self::Step(step)),
+            Err(_) if text == "start" => Ok(Self::Start),
+            Err(_) if text == "last" => Ok(Self::Last),
+            Err(_) => Err("a step is a number, or one of the words start and last".to_owned()),
+        }
+    }
+}
+
+/// Pixels across and down: `960x540`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size(pub [u32; 2]);
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let sides = text.split_once('x').and_then(|(across, down)| Some([across.parse().ok()?, down.parse().ok()?]));
+        sides.map(Self).ok_or_else(|| "write it as 960x540".to_owned())
+    }
+}
+
 /// `sim verify`.
 #[derive(Debug, Args)]
 pub struct VerifyArgs {
@@ -676,6 +781,16 @@ mod tests {
             panic!("not a run")
         };
         assert_eq!(format!("{typed:?}"), format!("{:?}", RunArgs::of(&"idm".parse().unwrap())));
+    }
+
+    #[test]
+    fn pictures_have_a_step_and_a_size() {
+        assert_eq!(("7".parse(), "last".parse()), (Ok(PictureStep::Step(7)), Ok(PictureStep::Last)));
+        assert_eq!("960x540".parse(), Ok(Size([960, 540])));
+        assert!("-1".parse::<PictureStep>().is_err() && "first".parse::<PictureStep>().is_err());
+        assert!(
+            "960".parse::<Size>().is_err() && "960x".parse::<Size>().is_err() && "960X540".parse::<Size>().is_err()
+        );
     }
 
     #[test]

@@ -9,6 +9,7 @@
 //! | [`blame`] | failures driven again with one thing changed |
 //! | [`predictions`] | the predictions of recorded episodes, scored |
 //! | [`replay`] | recorded episodes driven again |
+//! | [`report`], [`render`] | finished runs as a page, drives as pictures and clips |
 //! | [`run`] | many episodes: workers, nodes, the bus, interrupts |
 //! | [`evaluate`] | drivers side by side on frames of the log |
 //! | [`verify`](mod@verify) | the protocol `paper` beside the authors' own numbers |
@@ -21,7 +22,9 @@ pub mod entrants;
 pub mod evaluate;
 pub mod matrix;
 pub mod predictions;
+pub mod render;
 pub mod replay;
+pub mod report;
 pub mod request;
 pub mod run;
 pub mod side_by_side;

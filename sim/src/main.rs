@@ -5,7 +5,7 @@
 
 use std::io::{self, Write as _};
 use std::num::NonZero;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::thread;
 
@@ -18,8 +18,8 @@ use evaluation::validity;
 use results::files;
 use results::summary::{Summary, SummaryError};
 use sim::cli::{
-    BlameArgs, Cli, Command, CompareArgs, EvaluateArgs, MatrixArgs, PredictionsArgs, ReplayArgs, RunArgs, ScoreArgs,
-    TableArgs, ValidityArgs, VerifyArgs,
+    BlameArgs, Cli, Command, CompareArgs, EvaluateArgs, MatrixArgs, PredictionsArgs, RenderArgs, ReplayArgs,
+    ReportArgs, RunArgs, ScoreArgs, TableArgs, ValidityArgs, VerifyArgs,
 };
 use sim::evaluate::request::Evaluation;
 use sim::matrix;
@@ -32,6 +32,7 @@ use sim::run::interrupt::{INTERRUPTED, Interrupts};
 use sim::run::{self, RunError};
 use sim::side_by_side;
 use sim::verify::verify;
+use sim::{render, report};
 use tracing_subscriber::EnvFilter;
 
 fn main() -> ExitCode {
@@ -50,6 +51,8 @@ fn main() -> ExitCode {
         Command::Validity(arguments) => print_validity(&arguments),
         Command::Replay(arguments) => replay_runs(&arguments, clock, &console),
         Command::Blame(arguments) => print_blame(&arguments, clock, &console),
+        Command::Report(arguments) => write_report(&arguments, &console),
+        Command::Render(arguments) => draw(&arguments, clock, &console),
         Command::Verify(arguments) => print_verdict(&arguments),
     };
     match done {
@@ -124,10 +127,10 @@ fn evaluate(arguments: EvaluateArgs, clock: WallClock, console: &Console) -> any
     Ok(if found.clean { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-/// Prints the finished runs; what is not finished is passed over where others are.
-fn print_tables(arguments: &TableArgs, console: &Console) -> anyhow::Result<ExitCode> {
+/// The finished runs among these folders; what is not finished is passed over where others are.
+fn finished(folders: &[PathBuf], console: &Console) -> anyhow::Result<Vec<Summary>> {
     let (mut runs, mut unfinished) = (Vec::new(), Vec::new());
-    for folder in &arguments.runs {
+    for folder in folders {
         match Summary::read(folder) {
             Ok(run) => runs.push(run),
             Err(error @ (SummaryError::Unfinished(_) | SummaryError::NoRun(_))) => unfinished.push((folder, error)),
@@ -143,6 +146,12 @@ fn print_tables(arguments: &TableArgs, console: &Console) -> anyhow::Result<Exit
         let names: Vec<String> = unfinished.iter().map(|(folder, _)| folder.display().to_string()).collect();
         console.line(&format!("note: passed over, because there is no finished run: {}", names.join(", ")));
     }
+    Ok(runs)
+}
+
+/// Prints the finished runs.
+fn print_tables(arguments: &TableArgs, console: &Console) -> anyhow::Result<ExitCode> {
+    let runs = finished(&arguments.runs, console)?;
     if !arguments.scenes {
         terminal::say(&table::render(&runs, arguments.format, width()))?;
         return Ok(ExitCode::SUCCESS);
@@ -263,6 +272,25 @@ fn print_blame(arguments: &BlameArgs, clock: WallClock, console: &Console) -> an
     let interrupts = Interrupts::catch()?;
     let blamed = sim::blame::blame(arguments, cores(), clock, console, &interrupts)?;
     terminal::say(&evaluation::blame::table::render(&blamed, arguments.format, width())?)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes finished runs as a page.
+fn write_report(arguments: &ReportArgs, console: &Console) -> anyhow::Result<ExitCode> {
+    let runs = finished(&arguments.runs, console)?.into_iter().map(|run| run.folder).collect();
+    let written = report::write(arguments, runs)?;
+    written.notes.iter().for_each(|note| console.line(&format!("note: {note}")));
+    terminal::say(&written.text)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Draws a drive.
+fn draw(arguments: &RenderArgs, clock: WallClock, console: &Console) -> anyhow::Result<ExitCode> {
+    let drawn = render::draw(arguments, &clock)?;
+    if arguments.timing {
+        console.line(&drawn.timing());
+    }
+    terminal::say(&drawn.text())?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -25,7 +25,7 @@ pub mod markdown;
 pub mod outcome;
 mod pairs;
 pub mod run;
-mod sentences;
+pub(crate) mod sentences;
 pub mod statistics;
 mod steps;
 pub mod text;

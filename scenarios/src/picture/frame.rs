@@ -29,6 +29,11 @@ impl Frame {
         Self { center, up, scale: width / (2.0 * radius), width, height: width, hair: hair(width) }
     }
 
+    /// `width` by `height` pixels around `center`, north up, at `scale` pixels a metre; lines as in a picture of `seen` pixels across.
+    pub fn scaled(center: Point, scale: f64, [width, height]: [f64; 2], seen: f64) -> Self {
+        Self { center, up: Point::new(0.0, 1.0), scale, width, height, hair: hair(seen) }
+    }
+
     /// As large as `bounds` need, within `width` by `height` pixels.
     pub fn fitting(bounds: Bounds, up: Point, width: f64, height: f64) -> Self {
         let size = bounds.high - bounds.low;

@@ -6,13 +6,16 @@
 //!
 //! There is one drawing, and it is SVG: a PNG is that SVG seen by [`resvg`]. The SVG has no text, only outlines of letters (`text`), so it
 //! looks alike wherever it is opened; and the same scene gives the same bytes on every machine.
+//!
+//! Whoever draws many frames of one scene takes the [`Ground`], the [`colours`] and the letters of [`text`], and draws what moves over them.
 
 mod agents;
 mod canvas;
 mod caption;
-mod colours;
+pub mod colours;
 mod course;
 mod frame;
+mod ground;
 mod markings;
 mod moment;
 mod paved;
@@ -20,10 +23,11 @@ mod raster;
 mod sheet;
 mod signs;
 mod surface;
-mod text;
+pub mod text;
 mod tile;
 mod trails;
 
+pub use ground::{Ground, View};
 pub use moment::{Moment, NoStep};
 pub use raster::PngError;
 pub use sheet::Sheet;

@@ -26,6 +26,10 @@ pub enum PngError {
 }
 
 pub fn png(picture: &Picture) -> Result<Vec<u8>, PngError> {
+    pixels(picture)?.encode_png().map_err(|error| PngError::Drawing(error.to_string()))
+}
+
+pub fn pixels(picture: &Picture) -> Result<Pixmap, PngError> {
     let (width, height) = (picture.width(), picture.height());
     let too_large = || PngError::TooLarge { width, height };
     if u64::from(width) * u64::from(height) > MOST_PIXELS {
@@ -35,5 +39,5 @@ pub fn png(picture: &Picture) -> Result<Vec<u8>, PngError> {
         Tree::from_str(picture.svg(), &Options::default()).map_err(|error| PngError::Drawing(error.to_string()))?;
     let mut pixels = Pixmap::new(width, height).ok_or_else(too_large)?;
     resvg::render(&tree, Transform::identity(), &mut pixels.as_mut());
-    pixels.encode_png().map_err(|error| PngError::Drawing(error.to_string()))
+    Ok(pixels)
 }

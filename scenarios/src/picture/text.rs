@@ -23,12 +23,14 @@ pub fn set(line: &str) -> impl Iterator<Item = (char, u32)> {
 }
 
 /// How long a line becomes at a font's size (pixels).
+#[must_use]
 pub fn width(line: &str, size: f64) -> f64 {
     let units: u32 = set(line).map(|(letter, _)| advance(letter)).sum();
     f64::from(units) * size / EM
 }
 
 /// `line`, or as much of it as fits, with an ellipsis where the rest was.
+#[must_use]
 pub fn fitted(line: &str, size: f64, room: f64) -> String {
     if width(line, size) <= room {
         return line.to_owned();
@@ -44,6 +46,7 @@ pub fn fitted(line: &str, size: f64, room: f64) -> String {
 }
 
 /// A letter's outline; empty for a space.
+#[must_use]
 pub fn outline(letter: char) -> &'static str {
     find(letter).map_or("", |(_, outline)| outline)
 }

@@ -11,7 +11,7 @@ use wire::proto::{AgentState, EndReason, EpisodeEnd, Event, Metric, StepRecord};
 use crate::sim;
 
 /// A drive straight on at so many metres a second, which makes that much progress; `end` may make it another.
-fn drive(scene: &str, speed: f64, end: impl FnOnce(&mut Part)) -> (String, Part) {
+pub fn drive(scene: &str, speed: f64, end: impl FnOnce(&mut Part)) -> (String, Part) {
     let record = |step: u32| StepRecord {
         step,
         log_index: 20 + step,
@@ -44,7 +44,7 @@ fn set(part: &mut Part, name: &str, value: f64) {
     metrics.filter(|metric| metric.name == name).for_each(|metric| metric.value = Some(value));
 }
 
-fn strikes(part: &mut Part) {
+pub fn strikes(part: &mut Part) {
     let end = part.end.as_mut().unwrap();
     (end.reason, end.detail) =
         (EndReason::Collision.into(), "step 99: the AV's front struck vehicle 7 at 3.0 m/s, at fault".to_owned());
@@ -70,7 +70,7 @@ fn driver_fails(part: &mut Part) {
 }
 
 /// A finished run of these drives in `root`/`name`.
-fn finished(root: &Path, name: &str, drives: &[(String, Part)], change: impl FnOnce(&mut RunFile)) {
+pub fn finished(root: &Path, name: &str, drives: &[(String, Part)], change: impl FnOnce(&mut RunFile)) {
     let line = |(scene, _): &(String, Part)| SceneLine { id: scene.clone(), sha256: format!("content of {scene}") };
     let mut file = RunFile {
         settings: Settings {
@@ -100,7 +100,7 @@ fn finished(root: &Path, name: &str, drives: &[(String, Part)], change: impl FnO
 }
 
 /// Baseline and candidate over 24 scenes: one mended, two that fail newly, one without a partner on either side.
-fn two_runs(root: &Path) {
+pub fn two_runs(root: &Path) {
     let speed = |at: u32| f64::from(at % 5 + 8);
     let scene = |at: u32| format!("scene-{at:02}");
     let a = (0..24).map(|at| match at {

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 mod compare;
+mod report;
 
 use std::path::Path;
 use std::process::Command;
@@ -43,6 +44,8 @@ fn help_says_what_can_be_typed() {
       blame        Drive failures again, each time with one thing changed: what would have saved them?
       validity     Say where replayed agents would have had to react to the AV, and what the figures are
                    without those steps
+      report       Write runs as one page to send to somebody, with failed drives to be played
+      render       Draw a drive from above: a picture of a step, or a clip
       verify       Hold the protocol `paper` to vectors of the authors' simulator
       help         Print this message or the help of the given subcommand(s)
 
@@ -171,6 +174,52 @@ fn help_says_what_can_be_typed() {
     insta::assert_snapshot!(sim(folder.path(), &["score", "-h"]));
     insta::assert_snapshot!("help_of_replay", sim(folder.path(), &["replay", "-h"]));
     insta::assert_snapshot!("help_of_blame", sim(folder.path(), &["blame", "-h"]));
+    insta::assert_snapshot!(sim(folder.path(), &["report", "-h"]), @"
+    code 0
+    --- stdout
+    Write runs as one page to send to somebody, with failed drives to be played
+
+    Usage: sim report [OPTIONS] <RUN>...
+
+    Arguments:
+      <RUN>...  Folders of finished runs
+
+    Options:
+          --html <FILE>          The page [default: report.html]
+      -v, --verbose...           Say more on standard error; twice for everything
+          --players <N>          So many of the failed drives are in the page to be played, the worst
+                                 first [default: 20]
+          --episodes <ID>...     These are too, failed or not, of each run that drove them
+          --scenarios <PATH>...  Where the scenes are [default: where the runs have them from]
+          --seed <N>             What draws the resamples of the intervals [default: 0]
+      -h, --help                 Print help (see more with '--help')
+    --- stderr
+    ");
+    insta::assert_snapshot!(sim(folder.path(), &["render", "-h"]), @"
+    code 0
+    --- stdout
+    Draw a drive from above: a picture of a step, or a clip
+
+    Usage: sim render [OPTIONS] --episode <ID> <--png <STEP>|--gif|--mp4> <RUN>
+
+    Arguments:
+      <RUN>  Folder of a finished run
+
+    Options:
+          --episode <ID>         The scene whose drive is drawn; `sim table --scenes` lists them
+      -v, --verbose...           Say more on standard error; twice for everything
+          --png <STEP>           A picture after this step, as tables number them; `last` is where the
+                                 drive ended, `start` before its first step
+          --gif                  A clip of the whole drive that plays in any page
+          --mp4                  A clip of the whole drive as video
+          --out <FILE>           The file [default: ID-STEP.png, ID.gif or ID.mp4]
+          --size <WxH>           Pixels [default: 960x540, of a GIF 640x360]
+          --across <METRES>      Metres that are seen across [default: 100]
+          --scenarios <PATH>...  Where the scenes are [default: where the run has them from]
+          --timing               Say on standard error how many frames a second were drawn
+      -h, --help                 Print help (see more with '--help')
+    --- stderr
+    ");
 }
 
 #[test]

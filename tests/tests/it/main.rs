@@ -15,6 +15,7 @@
 //! | `predictions.rs` | predictions are scored against what then happened |
 //! | `replay.rs` | `sim replay` finds what was driven the same, names what is not and who is to blame, and lets others take over |
 //! | `blame.rs` | `sim blame` fails again what failed, and tells what saves it |
+//! | `report.rs`, `browser.rs` | a report is played, scrubbed and filtered in a browser, where there is one; drives are pictures and clips |
 //! | `pause.rs` | a run that stands still for a while comes out as if it had not |
 //! | `network.rs` | the repository's weights are whole, and drive; the authors' drive as in their simulator |
 //! | `open_loop.rs` | plans that are not driven are worth what the authors' test says; a frame costs no other |
@@ -25,6 +26,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, missing_docs, reason = "a test may panic")]
 
 mod blame;
+mod browser;
 mod bus;
 mod demo;
 mod future;
@@ -43,5 +45,6 @@ mod recorder;
 mod recording;
 mod repeat;
 mod replay;
+mod report;
 mod stage;
 mod validity;
