@@ -23,9 +23,8 @@ use crate::drives::{Driven, Run};
 use crate::recorded::messages;
 use crate::scenes::NOT_COUNTED;
 
-/// What is read of `steps.parquet`, beside the AV's place.
-pub const COLUMNS: [&str; 10] = [
-    "acceleration_mps2",
+/// What is read of `steps.parquet`, beside the AV's place and what brought it there.
+pub const COLUMNS: [&str; 9] = [
     "speed_limit_mps",
     "events",
     "collision",
