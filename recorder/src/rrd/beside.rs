@@ -9,7 +9,7 @@ use re_sdk_types::datatypes;
 use rrd::{Layout, RrdError, Store};
 
 use super::Drawing;
-use super::blueprint::{RIDE_EYE, RIDE_TARGET};
+use super::blueprint::{RIDE_EYE, RIDE_TARGET, events};
 use crate::message::STEP_NANOSECONDS;
 use crate::palette;
 
@@ -59,7 +59,7 @@ fn lay_out(store: Store<'_>, sides: &[Side; 2], from: u32) -> Result<(), RrdErro
         let speed = layout.view("TimeSeries", "Speed (m/s)", &format!("/{root}/plots/speed"), "$origin/**")?;
         layout.set(&speed, "PlotLegend", &PlotLegend::new().with_visible(true))?;
         layout.set(&speed, "ScalarAxis", &ScalarAxis::new().with_range(speeds))?;
-        let events = layout.view("TextLog", "Events", &format!("/{root}/events"), "$origin/**")?;
+        let events = events(&mut layout, &format!("/{root}/events"))?;
         let parts = [(ride.as_str(), 4.0), (speed.as_str(), 1.0), (events.as_str(), 1.0)];
         columns.push(layout.container(ContainerKind::Vertical, &parts)?.0);
     }

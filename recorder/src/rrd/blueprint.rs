@@ -39,10 +39,7 @@ pub fn write(store: Store<'_>, drive: &[[f32; 3]], plots: &[(&str, &str, [f64; 2
         layout.set(&plot, "ScalarAxis", &ScalarAxis::new().with_range(Range1D::new(range[0], range[1])))?;
         plot_views.push(plot);
     }
-    let events = layout.view("TextLog", "Events", "/events", "$origin/**")?;
-    let columns =
-        [TextLogColumnKind::LogLevel, TextLogColumnKind::Body].map(|kind| TextLogColumn { kind, visible: true.into() });
-    layout.set(&events, "TextLogColumns", &TextLogColumns::new().with_text_log_columns(columns))?;
+    let events = events(&mut layout, "/events")?;
     let outcome = layout.view("TextDocument", "Outcome", "/outcome", "$origin/**")?;
     let settings = layout.view("TextDocument", "Settings", "/settings", "$origin/**")?;
 
@@ -59,6 +56,15 @@ pub fn write(store: Store<'_>, drive: &[[f32; 3]], plots: &[(&str, &str, [f64; 2
         .with_timeline("sim_time")
         .with_play_state(PlayState::Playing);
     layout.activate(root, &time)
+}
+
+/// The view of the events at `origin`; its path.
+pub(super) fn events(layout: &mut Layout<'_>, origin: &str) -> Result<String, RrdError> {
+    let events = layout.view("TextLog", "Events", origin, "$origin/**")?;
+    let columns =
+        [TextLogColumnKind::LogLevel, TextLogColumnKind::Body].map(|kind| TextLogColumn { kind, visible: true.into() });
+    layout.set(&events, "TextLogColumns", &TextLogColumns::new().with_text_log_columns(columns))?;
+    Ok(events)
 }
 
 /// The middle of the points, and how far they reach at most along x or y.

@@ -16,6 +16,8 @@
 //! | `replay.rs` | `sim replay` finds what was driven the same, names what is not and who is to blame, and lets others take over |
 //! | `blame.rs` | `sim blame` fails again what failed, and tells what saves it |
 //! | `report.rs`, `browser.rs` | a report is played, scrubbed and filtered in a browser, where there is one; drives are pictures and clips |
+//! | `validity.rs` | drives judged again: where somebody would have had to react, and every figure without that |
+//! | `side_by_side.rs` | two drives of a scene are drawn into one file |
 //! | `pause.rs` | a run that stands still for a while comes out as if it had not |
 //! | `network.rs` | the repository's weights are whole, and drive; the authors' drive as in their simulator |
 //! | `open_loop.rs` | plans that are not driven are worth what the authors' test says; a frame costs no other |
@@ -46,5 +48,6 @@ mod recording;
 mod repeat;
 mod replay;
 mod report;
+mod side_by_side;
 mod stage;
 mod validity;
