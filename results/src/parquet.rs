@@ -95,12 +95,7 @@ impl Table {
     /// # Errors
     /// [`ParquetError`].
     pub fn read_of(path: &Path, columns: &[&str], scenes: &BTreeSet<&str>) -> Result<Self, ParquetError> {
-        let file = File::open(path).map_err(at("open", path))?;
-        let format = |source| ParquetError::Format { path: path.to_owned(), source };
-        let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(format)?;
-        let named = std::iter::once("scene").chain(columns.iter().copied());
-        let mask = ProjectionMask::columns(builder.parquet_schema(), named);
-        let reader = builder.with_projection(mask).build().map_err(format)?;
+        let reader = reader_of(path, columns)?;
         let mut table = Self { path: path.to_owned(), batches: Vec::new() };
         for batch in reader {
             let batch = batch?;
@@ -177,6 +172,16 @@ impl Table {
     }
 }
 
+/// Reads these columns and the scene's.
+fn reader_of(path: &Path, columns: &[&str]) -> Result<ParquetRecordBatchReader, ParquetError> {
+    let file = File::open(path).map_err(at("open", path))?;
+    let format = |source| ParquetError::Format { path: path.to_owned(), source };
+    let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(format)?;
+    let named = std::iter::once("scene").chain(columns.iter().copied());
+    let mask = ProjectionMask::columns(builder.parquet_schema(), named);
+    builder.with_projection(mask).build().map_err(format)
+}
+
 /// A file's rows scene by scene, as they lie one after the other: a file of steps is never in memory whole.
 pub struct ByScene {
     path: PathBuf,
@@ -191,13 +196,7 @@ impl ByScene {
     /// # Errors
     /// [`ParquetError`].
     pub fn open(path: &Path, columns: &[&str]) -> Result<Self, ParquetError> {
-        let file = File::open(path).map_err(at("open", path))?;
-        let format = |source| ParquetError::Format { path: path.to_owned(), source };
-        let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(format)?;
-        let named = std::iter::once("scene").chain(columns.iter().copied());
-        let mask = ProjectionMask::columns(builder.parquet_schema(), named);
-        let reader = builder.with_projection(mask).build().map_err(format)?;
-        Ok(Self { path: path.to_owned(), reader, rest: None })
+        Ok(Self { path: path.to_owned(), reader: reader_of(path, columns)?, rest: None })
     }
 
     fn following(&mut self) -> Result<Option<(String, Table)>, ParquetError> {

@@ -45,19 +45,22 @@ mod tests {
         AgentState { x, y, heading, velocity_x, velocity_y, length: 5.0, width: 2.0, ..AgentState::default() }
     }
 
-    /// What an agent does about an AV in the origin that heads east.
-    fn told(speed: f64, pose: Pose, other: f64) -> Option<f64> {
-        let state = state(pose, other);
-        let agent = TrafficAgent {
+    fn agent(pose: Pose, speed: f64) -> TrafficAgent {
+        let state = state(pose, speed);
+        TrafficAgent {
             track: 1,
             kind: AgentKind::Vehicle,
             outline: state.oriented_box(),
             z: 0.0,
             velocity: state.velocity(),
-            speed: other,
+            speed,
             sudden: false,
-        };
-        must_react(&Body::of(self::state(Pose::default(), speed)), &agent)
+        }
+    }
+
+    /// What an agent does about an AV in the origin that heads east.
+    fn told(speed: f64, pose: Pose, other: f64) -> Option<f64> {
+        must_react(&Body::of(state(Pose::default(), speed)), &agent(pose, other))
     }
 
     const NORTH: f64 = std::f64::consts::FRAC_PI_2;
@@ -97,16 +100,7 @@ mod tests {
     fn on_a_bridge_nobody_meets() {
         let mut av = Body::of(state(Pose::default(), 0.0));
         av.state.z = 5.0;
-        let state = state(Pose::new(-6.0, 0.0, 0.0), 10.0);
-        let agent = TrafficAgent {
-            track: 1,
-            kind: AgentKind::Vehicle,
-            outline: state.oriented_box(),
-            z: 0.0,
-            velocity: state.velocity(),
-            speed: 10.0,
-            sudden: false,
-        };
+        let agent = agent(Pose::new(-6.0, 0.0, 0.0), 10.0);
         assert_eq!(must_react(&av, &agent), None);
         av.state.z = 0.0;
         assert!(must_react(&av, &agent).is_some());

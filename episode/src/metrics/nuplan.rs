@@ -33,6 +33,34 @@ pub struct Terms {
     pub comfort: Option<f64>,
 }
 
+/// A score of factors and weighted terms, as nuPlan's and NAVSIM's are. Terms that cannot be judged are left out.
+#[derive(Clone, Copy, Debug)]
+pub struct Composite<'a> {
+    /// What is multiplied.
+    pub factors: &'a [Option<f64>],
+    /// What is averaged, each with its weight.
+    pub weighted: &'a [(f64, Option<f64>)],
+}
+
+impl Composite<'_> {
+    /// The factors' product times the weighted mean, 0 to 1; none where no weighted term can be judged, unless the product is 0.
+    #[must_use]
+    pub fn score(&self) -> Option<f64> {
+        let product: f64 = self.factors.iter().flatten().product();
+        let judged = || self.weighted.iter().filter_map(|(weight, term)| Some((weight, (*term)?)));
+        let weights: f64 = judged().map(|(weight, _)| weight).sum();
+        let sum: f64 = judged().map(|(weight, term)| weight * term).sum();
+        if weights > 0.0 { Some(product * sum / weights) } else { (product == 0.0).then_some(0.0) }
+    }
+
+    /// How many of its terms can be judged.
+    #[must_use]
+    pub fn judged(&self) -> usize {
+        let weighted = self.weighted.iter().filter(|(_, term)| term.is_some()).count();
+        self.factors.iter().flatten().count() + weighted
+    }
+}
+
 impl Terms {
     fn factors(&self) -> [Option<f64>; 4] {
         [self.no_collision, self.drivable_area, self.direction, self.making_progress]
@@ -46,17 +74,13 @@ impl Terms {
     /// can be, unless the product is 0.
     #[must_use]
     pub fn score(&self) -> Option<f64> {
-        let product: f64 = self.factors().into_iter().flatten().product();
-        let judged = || self.weighted().into_iter().filter_map(|(weight, term)| Some((weight, term?)));
-        let weights: f64 = judged().map(|(weight, _)| weight).sum();
-        let sum: f64 = judged().map(|(weight, term)| weight * term).sum();
-        if weights > 0.0 { Some(product * sum / weights) } else { (product == 0.0).then_some(0.0) }
+        Composite { factors: &self.factors(), weighted: &self.weighted() }.score()
     }
 
     /// How many of the eight terms can be judged.
     #[must_use]
     pub fn judged(&self) -> usize {
-        self.factors().into_iter().chain(self.weighted().map(|(_, term)| term)).flatten().count()
+        Composite { factors: &self.factors(), weighted: &self.weighted() }.judged()
     }
 }
 

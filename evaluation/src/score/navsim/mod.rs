@@ -11,6 +11,8 @@
 mod comfort;
 mod terms;
 
+use episode::metrics::nuplan::Composite;
+
 use self::terms::Terms;
 use super::Judged;
 use super::drive::Drive;
@@ -131,9 +133,9 @@ fn told(own: &Terms, human: Option<&Terms>) -> Vec<Option<f64>> {
     let epdms = Composite { factors: &factors, weighted: &weighted };
     vec![
         pdms.score(),
-        Some(pdms.terms()),
+        Some(pdms.judged() as f64),
         epdms.score(),
-        Some(epdms.terms()),
+        Some(epdms.judged() as f64),
         own.no_collision,
         own.drivable_area,
         own.direction,
@@ -157,27 +159,6 @@ fn told(own: &Terms, human: Option<&Terms>) -> Vec<Option<f64>> {
 /// The product of the factors that can be judged.
 fn product(factors: &[Option<f64>]) -> f64 {
     factors.iter().flatten().product()
-}
-
-/// Factors times a weighted mean, of those that can be judged.
-struct Composite<'a> {
-    factors: &'a [Option<f64>],
-    weighted: &'a [(f64, Option<f64>)],
-}
-
-impl Composite<'_> {
-    fn score(&self) -> Option<f64> {
-        let judged = || self.weighted.iter().filter_map(|(weight, term)| Some((weight, (*term)?)));
-        let weights: f64 = judged().map(|(weight, _)| weight).sum();
-        let sum: f64 = judged().map(|(weight, term)| weight * term).sum();
-        let product = product(self.factors);
-        if weights > 0.0 { Some(product * sum / weights) } else { (product == 0.0).then_some(0.0) }
-    }
-
-    fn terms(&self) -> f64 {
-        let weighted = self.weighted.iter().filter(|(_, term)| term.is_some()).count();
-        (self.factors.iter().flatten().count() + weighted) as f64
-    }
 }
 
 #[cfg(test)]
