@@ -20,7 +20,7 @@ use world::scene::{AgentState, Scene, TrackId};
 
 use crate::compare::outcome::Fault;
 use crate::drives::{Driven, Run};
-use crate::recorded::messages;
+use crate::recorded::{RecordedError, messages};
 use crate::scenes::NOT_COUNTED;
 
 /// What is read of `steps.parquet`, beside the AV's place and what brought it there.
@@ -149,27 +149,7 @@ impl Footage {
     }
 
     fn add_recording(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let mut answers: BTreeMap<usize, (Vec<Point>, Vec<Future>)> = BTreeMap::new();
-        messages(bytes, |channel, data| {
-            match channel {
-                "plan" => {
-                    let told = proto::Plan::decode(data).map_err(|error| error.to_string())?;
-                    let plan = UncheckedPlan::try_from(told).map_err(|error| error.to_string())?;
-                    let points = plan.states.iter().map(|state| Point::new(state.x, state.y)).collect();
-                    answers.entry(plan.step as usize).or_default().0 = points;
-                }
-                "prediction" => {
-                    let told = proto::Prediction::decode(data).map_err(|error| error.to_string())?;
-                    let told = UncheckedPrediction::try_from(told).map_err(|error| error.to_string())?;
-                    let step = told.step as usize;
-                    answers.entry(step).or_default().1 = futures(told);
-                }
-                _ => {}
-            }
-            Ok(())
-        })
-        .map_err(|error| error.to_string())?;
-        for (step, (plan, futures)) in answers {
+        for (step, (plan, futures)) in answers(bytes).map_err(|error| error.to_string())? {
             if let Some(frame) = self.frames.get_mut(step) {
                 (frame.plan, frame.futures) = (plan, futures);
             }
@@ -188,6 +168,36 @@ impl Footage {
     pub fn log_index(&self, frame: usize) -> usize {
         (self.start + frame).min(self.scene.steps() - 1)
     }
+}
+
+/// A plan, and the futures that were predicted for it.
+pub type Answer = (Vec<Point>, Vec<Future>);
+
+/// The plan and the futures of each step in the bytes of an MCAP file, as far as they are there.
+///
+/// # Errors
+/// [`RecordedError`].
+pub fn answers(bytes: &[u8]) -> Result<BTreeMap<usize, Answer>, RecordedError> {
+    let mut answers: BTreeMap<usize, Answer> = BTreeMap::new();
+    messages(bytes, |channel, data| {
+        match channel {
+            "plan" => {
+                let told = proto::Plan::decode(data).map_err(|error| error.to_string())?;
+                let plan = UncheckedPlan::try_from(told).map_err(|error| error.to_string())?;
+                let points = plan.states.iter().map(|state| Point::new(state.x, state.y)).collect();
+                answers.entry(plan.step as usize).or_default().0 = points;
+            }
+            "prediction" => {
+                let told = proto::Prediction::decode(data).map_err(|error| error.to_string())?;
+                let told = UncheckedPrediction::try_from(told).map_err(|error| error.to_string())?;
+                let step = told.step as usize;
+                answers.entry(step).or_default().1 = futures(told);
+            }
+            _ => {}
+        }
+        Ok(())
+    })?;
+    Ok(answers)
 }
 
 /// Numbers that no picture can show are left out.

@@ -13,6 +13,7 @@ static SCENE: LazyLock<Option<Arc<Scene>>> = LazyLock::new(|| {
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let _ = evaluation::predictions::Figures::of_recording(bytes);
+    let _ = evaluation::footage::answers(bytes);
     let (Ok(recorded), Some(scene)) = (Recorded::read(bytes), &*SCENE) else { return };
     let _ = replay(Arc::clone(scene), &Protocol::Strict(StrictSettings::default()), &recorded);
 });

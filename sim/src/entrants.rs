@@ -56,8 +56,15 @@ struct Row {
 /// # Errors
 /// [`EntrantsError`] names the entrant.
 pub fn read(path: &Path) -> Result<Vec<Entrant>, EntrantsError> {
-    let text = fs::read_to_string(path).map_err(at("read", path))?;
-    let file: File = toml::from_str(&text).map_err(|error| EntrantsError::Format {
+    parse(&fs::read_to_string(path).map_err(at("read", path))?, path)
+}
+
+/// Who drives by the text of the file under `path`.
+///
+/// # Errors
+/// [`EntrantsError`] names the entrant.
+pub fn parse(text: &str, path: &Path) -> Result<Vec<Entrant>, EntrantsError> {
+    let file: File = toml::from_str(text).map_err(|error| EntrantsError::Format {
         path: path.to_owned(),
         what: error.to_string().trim_end().to_owned(),
     })?;
