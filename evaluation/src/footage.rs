@@ -8,10 +8,10 @@
 //! ```
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use prost::Message as _;
+use results::folder::recording_of;
 use results::parquet::{ParquetError, Table};
 use wire::proto;
 use world::geometry::{Point, Pose};
@@ -97,12 +97,6 @@ pub enum Recording {
     Missing,
     /// There is one, which cannot be used, and why.
     Unusable(String),
-}
-
-/// Where a run keeps the recording of an episode, whether there is one or not.
-#[must_use]
-pub fn recording_of(folder: &Path, scene: &str) -> PathBuf {
-    folder.join("episodes").join(format!("{scene}.mcap"))
 }
 
 impl Footage {
@@ -217,9 +211,8 @@ fn futures(told: UncheckedPrediction) -> Vec<Future> {
 
 /// What the rows of an episode tell, a line each.
 fn events(steps: &Table, protocol: &str) -> Result<Vec<Event>, ParquetError> {
-    let columns = Fault::all().filter_map(|fault| fault.column(protocol)).map(|column| steps.flags(column));
-    let flags = columns.collect::<Result<Vec<_>, _>>()?;
-    let begins = |row: usize| flags.iter().any(|set| set[row] && (row == 0 || !set[row - 1]));
+    let flags = Fault::flags(steps, protocol)?;
+    let begins = |row: usize| flags.iter().any(|(_, set)| set[row] && (row == 0 || !set[row - 1]));
     let mut events = Vec::new();
     for (row, (step, text)) in steps.counts("step")?.into_iter().zip(steps.text("events")?).enumerate() {
         for line in text.lines() {

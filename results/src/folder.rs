@@ -249,6 +249,12 @@ pub fn read_run_file(folder: &Path) -> Result<Option<RunFile>, FolderError> {
     parsed.map(Some).map_err(|source| FolderError::RunFile { path, source })
 }
 
+/// Where the run in `folder` keeps the recording of an episode, whether there is one or not.
+#[must_use]
+pub fn recording_of(folder: &Path, scene: &str) -> PathBuf {
+    folder.join("episodes").join(format!("{scene}.mcap"))
+}
+
 /// A folder without a run must be empty, but for what a sim leaves that is killed before it has written `run.toml`.
 fn refuse_other_things(path: &Path) -> Result<(), FolderError> {
     let ours = |name: &str| matches!(name, "run.toml" | "run.toml.partial" | ".lock");

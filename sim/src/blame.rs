@@ -12,7 +12,7 @@ use evaluation::blame::artefacts::artefacts;
 use evaluation::blame::failure::{Failure, failures};
 use evaluation::blame::verdict::{Blamed, Outcome, Remedy, Row};
 use evaluation::replay::Recorded;
-use results::folder::{Folder, read_run_file};
+use results::folder::{Folder, read_run_file, recording_of};
 use results::part::Part;
 use results::settings::{Node, Planner, Record, RunFile, Settings};
 use results::summary::SummaryError;
@@ -99,7 +99,7 @@ fn other_driver(arguments: &BlameArgs, own: &Request, parallel: u16) -> anyhow::
 }
 
 fn recording(folder: &Path, failure: &Failure) -> PathBuf {
-    folder.join("episodes").join(format!("{}.mcap", failure.scene))
+    recording_of(folder, &failure.scene)
 }
 
 /// A failure that is to be driven again.

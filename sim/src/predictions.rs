@@ -6,7 +6,8 @@ use evaluation::predictions::Figures;
 use evaluation::recorded::RecordedError;
 use rayon::prelude::*;
 use recording::LoadError;
-use results::folder::{FolderError, read_run_file};
+use results::folder::{FolderError, read_run_file, recording_of};
+use results::settings::SceneLine;
 use thiserror::Error;
 
 /// A run whose predictions cannot be scored.
@@ -45,8 +46,8 @@ pub fn of_run(folder: &Path) -> Result<Scored, RunPredictionsError> {
     if file.settings.predictor.is_none() {
         return Err(RunPredictionsError::NoPredictor(folder.to_owned()));
     }
-    let path = |id: &str| folder.join("episodes").join(format!("{id}.mcap"));
-    let paths: Vec<PathBuf> = file.scenes.iter().map(|scene| path(&scene.id)).filter(|path| path.exists()).collect();
+    let path = |scene: &SceneLine| recording_of(folder, &scene.id);
+    let paths: Vec<PathBuf> = file.scenes.iter().map(path).filter(|path| path.exists()).collect();
     if paths.is_empty() {
         return Err(RunPredictionsError::NothingRecorded(folder.to_owned()));
     }

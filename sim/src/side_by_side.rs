@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use evaluation::compare::{Comparison, parting};
+use results::folder::recording_of;
 use results::parquet::ParquetError;
 use thiserror::Error;
 
@@ -79,5 +80,5 @@ pub fn open(comparison: &Comparison, scene: &str, rrd: Option<&Path>) -> Result<
 
 /// Where the drives of `scene` are recorded.
 fn recordings(comparison: &Comparison, scene: &str) -> [PathBuf; 2] {
-    [&comparison.a, &comparison.b].map(|side| Path::new(&side.folder).join("episodes").join(format!("{scene}.mcap")))
+    [&comparison.a, &comparison.b].map(|side| recording_of(Path::new(&side.folder), scene))
 }

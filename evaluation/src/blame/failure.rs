@@ -85,15 +85,11 @@ fn first(episode: &Episode, steps: &Steps) -> Option<Failure> {
 
 fn read(folder: &Path, protocol: &str, scenes: &BTreeSet<&str>) -> Result<BTreeMap<String, Steps>, ParquetError> {
     const NUMBERS: [&str; 6] = ["av_x_m", "av_y_m", "av_z_m", "av_heading_rad", "av_length_m", "av_width_m"];
-    let columns: Vec<_> = Fault::all().filter_map(|fault| Some((fault, fault.column(protocol)?))).collect();
     let mut names = vec!["step", "log_index"];
     names.extend(NUMBERS);
-    names.extend(columns.iter().map(|(_, column)| *column));
+    names.extend(Fault::columns(protocol));
     let table = Table::read_of(&folder.join("steps.parquet"), &names, scenes)?;
-    let mut flags = Vec::new();
-    for (fault, column) in columns {
-        flags.push((fault, table.flags(column)?));
-    }
+    let flags = Fault::flags(&table, protocol)?;
     let numbers = table.numbers()?;
     let (steps, log_indices) = (table.counts("step")?, table.counts("log_index")?);
     let mut all: BTreeMap<String, Steps> = BTreeMap::new();

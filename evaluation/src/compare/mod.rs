@@ -30,9 +30,11 @@ pub mod statistics;
 mod steps;
 pub mod text;
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use clap::ValueEnum;
+use results::parquet::ParquetError;
 
 pub use comparison::Comparison;
 pub use pairs::{CompareError, LeftOut};
@@ -54,9 +56,9 @@ pub enum CompareFormat {
 /// while both drive.
 ///
 /// # Errors
-/// [`results::parquet::ParquetError`] where the steps cannot be read.
-pub fn parting(a: &Path, b: &Path, protocol: &str, scene: &str) -> Result<Option<u32>, results::parquet::ParquetError> {
-    let scenes = std::collections::BTreeSet::from([scene]);
+/// [`ParquetError`] where the steps cannot be read.
+pub fn parting(a: &Path, b: &Path, protocol: &str, scene: &str) -> Result<Option<u32>, ParquetError> {
+    let scenes = BTreeSet::from([scene]);
     let read = |folder: &Path| steps::Steps::read(folder, protocol, &scenes);
     Ok(read(a)?.parting(&read(b)?, scene))
 }

@@ -1,5 +1,6 @@
 //! Whether a drive passed, and if not, why: by its end and its flags in `results.parquet`.
 
+use results::parquet::{ParquetError, Table};
 use serde::Serialize;
 
 /// What makes a drive a failure. Softer rules (speeding, comfort, time to collision) are figures and fail nothing.
@@ -45,6 +46,21 @@ impl Fault {
     pub fn column(self, protocol: &str) -> Option<&'static str> {
         let (.., strict, paper) = FAULTS.iter().find(|(fault, ..)| *fault == self)?;
         if protocol == "paper" { *paper } else { *strict }
+    }
+
+    /// The columns of `steps.parquet` that tell faults under `protocol`.
+    #[must_use]
+    pub fn columns(protocol: &str) -> Vec<&'static str> {
+        Self::all().filter_map(|fault| fault.column(protocol)).collect()
+    }
+
+    /// Each fault that has a column in `steps`, with its flag in every row.
+    ///
+    /// # Errors
+    /// [`ParquetError`] where a column was not read.
+    pub fn flags(steps: &Table, protocol: &str) -> Result<Vec<(Self, Vec<bool>)>, ParquetError> {
+        let columns = Self::all().filter_map(|fault| Some((fault, fault.column(protocol)?)));
+        columns.map(|(fault, column)| Ok((fault, steps.flags(column)?))).collect()
     }
 
     /// All of them.

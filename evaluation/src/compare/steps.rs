@@ -6,6 +6,7 @@ use std::path::Path;
 use results::parquet::{ParquetError, Table};
 
 use super::outcome::Fault;
+use crate::scenes::NOT_COUNTED;
 
 /// Two drives have parted when their AVs are so far from each other (m).
 pub const PARTED: f64 = 0.5;
@@ -30,20 +31,16 @@ impl Steps {
     /// # Errors
     /// [`ParquetError`].
     pub(crate) fn read(folder: &Path, protocol: &str, scenes: &BTreeSet<&str>) -> Result<Self, ParquetError> {
-        let columns: Vec<_> = Fault::all().filter_map(|fault| Some((fault, fault.column(protocol)?))).collect();
         let mut names = vec!["step", "av_x_m", "av_y_m", "events"];
-        names.extend(columns.iter().map(|(_, column)| *column));
+        names.extend(Fault::columns(protocol));
         let table = Table::read_of(&folder.join("steps.parquet"), &names, scenes)?;
-        let mut flags = Vec::new();
-        for (fault, column) in columns {
-            flags.push((fault, table.flags(column)?));
-        }
+        let flags = Fault::flags(&table, protocol)?;
         let numbers = table.numbers()?;
         let number = |column: &str, row: usize| numbers.get(column).and_then(|values| values[row]);
         let (steps, events) = (table.counts("step")?, table.text("events")?);
         let mut all = Self::default();
         for (row, scene) in table.text("scene")?.into_iter().enumerate() {
-            let counted = events[row].lines().filter(|line| !line.ends_with("not counted)"));
+            let counted = events[row].lines().filter(|line| !line.ends_with(NOT_COUNTED));
             all.0.entry(scene).or_default().push(Row {
                 step: steps[row],
                 place: number("av_x_m", row).zip(number("av_y_m", row)),

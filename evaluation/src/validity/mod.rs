@@ -17,13 +17,14 @@ mod figures;
 pub mod file;
 mod table;
 
+use std::sync::Arc;
+
 use episode::judges::Body;
 use episode::judges::reaction::must_react;
 use episode::metrics::Counted;
 use episode::protocol::Protocol;
 use episode::strict::traffic::Traffic;
 use episode::{Episode, Undrivable};
-use std::sync::Arc;
 use world::geometry::{Point, Segment};
 use world::scene::bridged::Bridged;
 use world::scene::{Scene, TrackId};

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use episode::protocol::{Motion, Protocol};
 use evaluation::replay::Recorded;
+use results::folder::recording_of;
 use results::settings::{Fork, RunFile, SceneLine};
 use thiserror::Error;
 
@@ -82,7 +83,7 @@ pub fn run(
 }
 
 fn recording(folder: &Path, line: &SceneLine) -> PathBuf {
-    folder.join("episodes").join(format!("{}.mcap", line.id))
+    recording_of(folder, &line.id)
 }
 
 /// Whether a recording has the plans of all steps before `step`, and its drive goes on then.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use evaluation::replay::{Recorded, held};
-use results::folder::Folder;
+use results::folder::{Folder, recording_of};
 use results::part::Part;
 use results::settings::{Build, Record, SceneLine};
 
@@ -36,7 +36,7 @@ pub fn run(
     interrupts: &Interrupts,
 ) -> anyhow::Result<Replayed> {
     let Asked { file, episodes } = asked(folder, arguments)?;
-    let recording = |line: &SceneLine| folder.join("episodes").join(format!("{}.mcap", line.id));
+    let recording = |line: &SceneLine| recording_of(folder, &line.id);
     let recorded: Vec<&SceneLine> =
         episodes.iter().copied().map(|at| &file.scenes[at]).filter(|line| recording(line).exists()).collect();
     let means = Means {

@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use evaluation::replay::{Recorded, Verdict, replay};
 use rayon::prelude::*;
-use results::folder::{FolderError, read_run_file};
+use results::folder::{FolderError, read_run_file, recording_of};
 use results::parquet::{ParquetError, Table};
 use results::settings::RunFile;
 use scenarios::{SceneSet, SetError};
@@ -103,7 +103,7 @@ struct Run<'a> {
 impl Run<'_> {
     fn episode(&self, index: usize) -> Outcome {
         let line = &self.file.scenes[index];
-        let path = self.folder.join("episodes").join(format!("{}.mcap", line.id));
+        let path = recording_of(self.folder, &line.id);
         if !path.exists() {
             return Outcome::Unrecorded;
         }

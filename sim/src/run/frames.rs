@@ -6,7 +6,7 @@
 //! network; and no frame knows of another.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use evaluation::open_loop::row::Row;
@@ -19,7 +19,6 @@ use wire::proto::{EndReason, EpisodeEnd};
 use world::plan::{Plan, Prediction};
 use world::scene::Scene;
 
-use super::beginning::Beginnings;
 use super::clock::WallClock;
 use super::console::Console;
 use super::core::{Drive, Ending, Event};
@@ -70,23 +69,11 @@ pub fn judge(
     let (Opened::New(folder) | Opened::Unfinished(folder) | Opened::Finished(folder)) =
         Folder::open(place.path(), &file)?;
     let cores = file.machine.pin.then(Cores::of_this_thread).transpose().map_err(RunError::Pin)?;
-    let (hub, external) = open_bus(&file, console)?;
+    let bus = open_bus(&file, console)?;
+    let run = (scenes.clone(), file.clone(), folder);
     let shared = Arc::new(Shared {
-        scenes: scenes.clone(),
-        file: file.clone(),
-        folder,
-        beginnings: Beginnings::default(),
-        onlooker: None,
         frames: Some(Frames { definitions, rows: Mutex::default() }),
-        hub,
-        external,
-        recorder: Mutex::default(),
-        recorder_is_frozen: AtomicBool::new(false),
-        cores,
-        clock,
-        console: console.clone(),
-        groups: interrupts.nodes().clone(),
-        stop: AtomicBool::new(false),
+        ..Shared::new(run, bus, cores, clock, console, interrupts.nodes())
     });
     let total = scenes.entries().len();
     let ending = drive_all(&shared, (0..total).collect(), interrupts);

@@ -20,9 +20,9 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -35,7 +35,7 @@ use results::settings::{Build, Planner, RunFile, SceneLine};
 use scenarios::{SceneSet, SetError};
 use thiserror::Error;
 use wire::cores::Cores;
-use wire::hub::{Hub, HubSettings, Seat};
+use wire::hub::{Hub, HubSettings};
 use wire::keys::{KeyError, Role, Secret, Workers};
 use wire::proto::RunInfo;
 use wire::session::{self, SessionError};
@@ -47,7 +47,7 @@ use self::core::{Core, Drive, Effects, Ending, Event};
 use self::interrupt::Interrupts;
 use self::progress::Progress;
 use self::timing::Breakdown;
-use self::worker::{Onlooker, Order, Shared};
+use self::worker::{Bus, Onlooker, Order, Shared};
 use crate::request::Request;
 
 pub mod beginning;
@@ -238,26 +238,14 @@ fn drive_pending(
     if let Some(cores) = cores.filter(|_| alone) {
         cores.one(0).and_then(|one| one.keep_to()).map_err(RunError::Pin)?;
     }
-    let (hub, external) = open_bus(&file, console)?;
+    let bus = open_bus(&file, console)?;
     if let Some(cores) = cores {
         cores.keep_to().map_err(RunError::Pin)?;
     }
     let shared = Arc::new(Shared {
-        scenes,
-        file,
-        folder,
         beginnings,
         onlooker,
-        frames: None,
-        hub,
-        external,
-        recorder: Mutex::default(),
-        recorder_is_frozen: AtomicBool::new(false),
-        cores,
-        clock,
-        console: console.clone(),
-        groups: interrupts.nodes().clone(),
-        stop: AtomicBool::new(false),
+        ..Shared::new((scenes, file, folder), bus, cores, clock, console, interrupts.nodes())
     });
     let ending = drive_all(&shared, pending.clone(), interrupts);
     console.end();
@@ -281,7 +269,7 @@ fn drive_pending(
 }
 
 /// The bus of a run, and the place of a planner that is not the sim's to start. Its name says nothing of the folder, so that recordings of the same run are the same anywhere.
-fn open_bus(file: &RunFile, console: &Console) -> Result<(Hub, Option<Arc<Seat>>), RunError> {
+fn open_bus(file: &RunFile, console: &Console) -> Result<Bus, RunError> {
     let name = format!("{}-{}", file.settings.driver, file.settings.protocol.name());
     let settings = HubSettings { endpoint: file.machine.endpoint.clone(), deadline: file.settings.deadline() };
     let hub = Hub::open_with(&name.parse()?, &settings)?;

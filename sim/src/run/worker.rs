@@ -81,7 +81,38 @@ pub struct Shared {
     pub stop: AtomicBool,
 }
 
+/// The bus, and the place of a planner that somebody else starts.
+pub type Bus = (Hub, Option<Arc<Seat>>);
+
 impl Shared {
+    /// What workers share in a run in which every episode is its driver's from the first step on, and nobody looks on.
+    pub fn new(
+        (scenes, file, folder): (SceneSet, RunFile, Folder),
+        (hub, external): Bus,
+        cores: Option<Cores>,
+        clock: WallClock,
+        console: &Console,
+        groups: &Groups,
+    ) -> Self {
+        Self {
+            scenes,
+            file,
+            folder,
+            beginnings: Beginnings::default(),
+            onlooker: None,
+            frames: None,
+            hub,
+            external,
+            recorder: Mutex::default(),
+            recorder_is_frozen: AtomicBool::new(false),
+            cores,
+            clock,
+            console: console.clone(),
+            groups: groups.clone(),
+            stop: AtomicBool::new(false),
+        }
+    }
+
     /// Starts a program of the workspace on the bus.
     ///
     /// # Errors
