@@ -50,6 +50,10 @@ impl Browser {
             "--no-first-run",
             "--disable-gpu",
             "--hide-scrollbars",
+            // A page that it takes to be out of sight gets no animation frames.
+            "--disable-backgrounding-occluded-windows",
+            "--disable-renderer-backgrounding",
+            "--disable-background-timer-throttling",
         ]);
         // In a container there is neither a sandbox to be had nor much shared memory.
         command.args(["--no-sandbox", "--disable-dev-shm-usage", &profile, "about:blank"]);
@@ -72,6 +76,8 @@ impl Browser {
         for domain in ["Runtime", "Log", "Network", "Page"] {
             browser.ask(&format!("{domain}.enable"), &json!({}));
         }
+        browser.ask("Page.bringToFront", &json!({}));
+        browser.ask("Emulation.setFocusEmulationEnabled", &json!({ "enabled": true }));
         browser.ask("Page.navigate", &json!({ "url": format!("file://{}", page.display()) }));
         browser
     }
