@@ -11,9 +11,6 @@ use serde_json::{Value, json};
 
 use crate::stage::{PATIENCE, wait_until};
 
-/// Names under which it may be installed.
-const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
-
 /// A page in a browser.
 pub struct Browser {
     process: Child,
@@ -26,14 +23,14 @@ pub struct Browser {
 }
 
 impl Browser {
-    /// The browser that `RELOOP_CHROMIUM` or the path names; none, with a word about it, where there is none.
+    /// The browser that `RELOOP_CHROMIUM` names; none, with a word about it, where it names none. On a loaded machine a headless browser may
+    /// stop giving animation frames for a minute, so nobody is tested by it unasked.
     pub fn find() -> Option<PathBuf> {
-        let said = std::env::var_os("RELOOP_CHROMIUM").map(PathBuf::from);
-        let path = std::env::var_os("PATH").unwrap_or_default();
-        let on_path = std::env::split_paths(&path).flat_map(|folder| NAMES.map(|name| folder.join(name)));
-        let found = said.into_iter().chain(on_path).find(|program| program.is_file());
+        let found = std::env::var_os("RELOOP_CHROMIUM").map(PathBuf::from).filter(|program| program.is_file());
         if found.is_none() {
-            eprintln!("skipped: there is no Chromium (apt-get install chromium, or RELOOP_CHROMIUM=PROGRAM)");
+            eprintln!(
+                "skipped: RELOOP_CHROMIUM names no browser (apt-get install chromium, RELOOP_CHROMIUM=/usr/bin/chromium)"
+            );
         }
         found
     }
