@@ -20,7 +20,7 @@ import tempfile
 import zenoh
 from grpc_tools import protoc
 
-WIRE_VERSION = 2  # of wire/proto/reloop.proto; the simulator refuses any other
+WIRE_VERSION = 3  # of wire/proto/reloop.proto; the simulator refuses any other
 PLAN_STEPS = 50  # 0.1 s to 5.0 s ahead
 STEP_SECONDS = 0.1
 SAMPLE_SPACING = 0.1  # metres between two samples of the reference line
@@ -46,16 +46,18 @@ class Planner:
 
     def plan(self, observation):
         """The plan for this observation."""
-        av, line = observation.av, observation.window
+        av, line = observation.av, self.scene.reference_line
+        first = observation.window_first_sample
+        window = range(first, first + observation.window_samples)  # the stretch around the AV
         speed = math.hypot(av.velocity_x, av.velocity_y)
         answer = self.pb.Plan(step=observation.step, status="follows the line")
-        if not line.x:
+        if not window:
             answer.error = "there is no reference line here"
             return answer
-        here = min(range(len(line.x)), key=lambda i: (line.x[i] - av.x) ** 2 + (line.y[i] - av.y) ** 2)
+        here = min(window, key=lambda i: (line.x[i] - av.x) ** 2 + (line.y[i] - av.y) ** 2)
         for k in range(1, PLAN_STEPS + 1):
             ahead = here + round(k * STEP_SECONDS * speed / SAMPLE_SPACING)
-            i = min(ahead, len(line.x) - 1)
+            i = min(ahead, window[-1])
             answer.states.add(x=line.x[i], y=line.y[i], heading=line.heading[i], speed=speed)
         return answer
 

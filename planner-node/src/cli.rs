@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
-use planner_node::{GaussNewtonOptions, PlannerKind, Weights};
+use planner_node::{Choice, GaussNewtonOptions, Weights};
 
 /// Serves a planner on the bus of a run
 #[derive(Debug, Parser)]
@@ -19,12 +19,8 @@ pub struct Cli {
 #[derive(Debug, clap::Args)]
 #[group(id = "serve", args = ["planner"])]
 pub struct Serve {
-    /// Which planner
-    #[arg(long, value_enum)]
-    pub planner: PlannerKind,
-    /// Where the run's scenes are: files, folders, globs, scene sets; for planners that read the log
-    #[arg(long, value_name = "PATH", num_args = 1..)]
-    pub scenarios: Vec<String>,
+    #[command(flatten)]
+    pub choice: Choice,
     #[command(flatten)]
     pub node: wire::node::Options,
     #[command(flatten)]

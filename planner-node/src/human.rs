@@ -2,31 +2,19 @@
 
 use std::sync::Arc;
 
-use scenarios::{SceneSet, SetError};
+use scenarios::Logs;
 use wire::node::{Planner, PlannerFactory, StepInput};
 use world::observation::Briefing;
 use world::plan::{PLAN_STEPS, PlanState, UncheckedPlan};
 use world::scene::bridged::Bridged;
 use world::scene::{AgentState, Scene};
 
-/// The planner `human`.
-pub struct Human(SceneSet);
-
-impl Human {
-    /// The planner for the scenes of these inputs, see [`SceneSet::open`].
-    ///
-    /// # Errors
-    /// [`SetError`] where they cannot be opened.
-    pub fn open(scenarios: &[String]) -> Result<Self, SetError> {
-        SceneSet::open(scenarios).map(Self)
-    }
-}
+/// The planner `human` for the scenes of these logs.
+pub struct Human(pub Arc<dyn Logs>);
 
 impl PlannerFactory for Human {
     fn start(&self, briefing: &Briefing) -> Result<Box<dyn Planner>, String> {
-        let index = self.0.entries().iter().position(|entry| entry.id == briefing.scene);
-        let index = index.ok_or_else(|| format!("scene {} is not in the scene set of this node", briefing.scene))?;
-        let (scene, _) = self.0.load(index).map_err(|e| e.to_string())?;
+        let scene = self.0.scene(&briefing.scene)?;
         // `strict` fills in gaps of the log; `paper` takes it as it lies.
         let paper = briefing.protocol == "paper";
         Ok(Box::new(Log(if paper { scene } else { Arc::clone(Bridged::of(&scene).judged()) })))

@@ -12,7 +12,7 @@
 //! [`explain`] tells why a recorded plan is what it is; [`verify`] holds the mathematics to numbers of other implementations.
 //!
 //! A planner is pure: what it answers depends on its inputs alone. To add one: a file, a member of [`PlannerKind`], a line
-//! in [`PlannerKind::factory`].
+//! in [`Choice::factory`].
 
 mod constant_velocity;
 pub mod explain;
@@ -24,7 +24,7 @@ pub mod verify;
 
 use std::sync::Arc;
 
-use scenarios::SetError;
+use scenarios::{Logs, SceneSet, SetError};
 use wire::node::PlannerFactory;
 
 pub use constant_velocity::ConstantVelocity;
@@ -50,22 +50,38 @@ pub enum PlannerKind {
     Network,
 }
 
-impl PlannerKind {
-    /// The planner's factory. `scenarios` is where planners that read the log find it; `gauss_newton` is for that planner.
+/// Which planner, and where the log is.
+#[derive(Clone, Debug, clap::Args)]
+#[group(id = "planner_choice")]
+pub struct Choice {
+    /// Which planner
+    #[arg(long, value_enum)]
+    pub planner: PlannerKind,
+    /// Where the run's scenes are: files, folders, globs, scene sets; for planners that read the log
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    pub scenarios: Vec<String>,
+}
+
+impl Choice {
+    /// The planner's factory. `gauss_newton` is for that planner, `logs` is where planners that read the log find it; without it they open what they are told.
     ///
     /// # Errors
     /// [`SetError`] where the planner needs the scene set and it cannot be opened.
     pub fn factory(
-        self,
-        scenarios: &[String],
+        &self,
         gauss_newton: &GaussNewtonOptions,
+        logs: Option<Arc<dyn Logs>>,
     ) -> Result<Arc<dyn PlannerFactory>, SetError> {
-        Ok(match self {
-            Self::Idm => Arc::new(Idm),
-            Self::Human => Arc::new(Human::open(scenarios)?),
-            Self::ConstantVelocity => Arc::new(ConstantVelocity),
-            Self::GaussNewton => Arc::new(GaussNewton(gauss_newton.clone())),
-            Self::Network => Arc::new(Network),
+        let logs = || match logs {
+            Some(logs) => Ok(logs),
+            None => SceneSet::open(&self.scenarios).map(|set| Arc::new(set) as Arc<dyn Logs>),
+        };
+        Ok(match self.planner {
+            PlannerKind::Idm => Arc::new(Idm),
+            PlannerKind::Human => Arc::new(Human(logs()?)),
+            PlannerKind::ConstantVelocity => Arc::new(ConstantVelocity),
+            PlannerKind::GaussNewton => Arc::new(GaussNewton(gauss_newton.clone())),
+            PlannerKind::Network => Arc::new(Network),
         })
     }
 }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
-use predictor_node::{FeatureStyle, Options, PredictorKind};
+use predictor_node::{Choice, FeatureStyle};
 
 /// Serves a predictor on the bus of a run
 #[derive(Debug, Parser)]
@@ -19,11 +19,8 @@ pub struct Cli {
 #[derive(Debug, clap::Args)]
 #[group(id = "serve", args = ["predictor"])]
 pub struct Serve {
-    /// Which predictor
-    #[arg(long, value_enum)]
-    pub predictor: PredictorKind,
     #[command(flatten)]
-    pub options: Options,
+    pub choice: Choice,
     #[command(flatten)]
     pub node: wire::node::Options,
 }

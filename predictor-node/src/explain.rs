@@ -10,9 +10,9 @@ use network::features::{History, SceneFeatures, View};
 use network::inference::Workspace;
 use recording::{Event, LoadError, NotMcap, Reader};
 use thiserror::Error;
-use wire::convert::decode;
+use wire::convert::{decode, observation};
 use wire::proto;
-use world::observation::{Briefing, Observation};
+use world::observation::Briefing;
 
 use crate::network::{FeatureStyle, NetworkError, model};
 
@@ -80,7 +80,8 @@ pub fn explain(
                 let Some((briefing, history)) = &mut told else { continue };
                 let seen: proto::Observation =
                     decode(message.data).map_err(|error| wrong(OBSERVATION, error.to_string()))?;
-                let seen = Observation::try_from(seen).map_err(|error| wrong(OBSERVATION, error.to_string()))?;
+                let seen = observation(seen, &briefing.reference_line);
+                let seen = seen.map_err(|error| wrong(OBSERVATION, error.to_string()))?;
                 let window = history.observe(&seen);
                 if seen.step != step {
                     continue;

@@ -10,7 +10,7 @@
 //! [`explain`](mod@explain) tells what the network was shown at a recorded step, and what agents attended to; [`verify`](mod@verify) holds the network to numbers of the authors' code.
 //!
 //! A predictor is pure: what it answers depends on its inputs alone. To add one: a file, a member of [`PredictorKind`], a
-//! line in [`PredictorKind::factory`].
+//! line in [`Choice::factory`].
 
 mod ctrv;
 pub mod explain;
@@ -21,7 +21,7 @@ pub mod verify;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use scenarios::SetError;
+use scenarios::{Logs, SceneSet, SetError};
 use thiserror::Error;
 use wire::node::PredictorFactory;
 
@@ -78,20 +78,37 @@ pub enum PredictorError {
     Network(#[from] NetworkError),
 }
 
-impl PredictorKind {
-    /// The predictor's factory.
+/// Which predictor, and what it is told: all of a node's arguments that are not about the bus.
+#[derive(Clone, Debug, clap::Args)]
+#[group(id = "predictor_choice")]
+pub struct Choice {
+    /// Which predictor
+    #[arg(long, value_enum)]
+    pub predictor: PredictorKind,
+    #[command(flatten)]
+    #[allow(missing_docs, reason = "clap would show it")]
+    pub options: Options,
+}
+
+impl Choice {
+    /// The predictor's factory. `logs` is where predictors that read the log find it; without it they open what they are told.
     ///
     /// # Errors
     /// [`PredictorError`] where what it needs is not there.
-    pub fn factory(self, options: &Options) -> Result<Arc<dyn PredictorFactory>, PredictorError> {
-        Ok(match self {
-            Self::Ctrv => Arc::new(Ctrv(options.turn_rate)),
-            Self::Oracle => Arc::new(Oracle::open(&options.scenarios)?),
-            Self::Network => {
+    pub fn factory(&self, logs: Option<Arc<dyn Logs>>) -> Result<Arc<dyn PredictorFactory>, PredictorError> {
+        let options = &self.options;
+        let logs = || match logs {
+            Some(logs) => Ok(logs),
+            None => SceneSet::open(&options.scenarios).map(|set| Arc::new(set) as Arc<dyn Logs>),
+        };
+        Ok(match self.predictor {
+            PredictorKind::Ctrv => Arc::new(Ctrv(options.turn_rate)),
+            PredictorKind::Oracle => Arc::new(Oracle(logs()?)),
+            PredictorKind::Network => {
                 let network = Network::open(options.weights.as_deref(), options.features)?;
                 match options.futures {
                     None => Arc::new(network),
-                    Some(Futures::Log) => Arc::new(network.with_futures(Oracle::open(&options.scenarios)?)),
+                    Some(Futures::Log) => Arc::new(network.with_futures(Oracle(logs()?))),
                 }
             }
         })

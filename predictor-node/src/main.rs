@@ -45,7 +45,7 @@ fn run(cli: cli::Cli) -> anyhow::Result<ExitCode> {
     }
     // clap lets nothing pass that has neither.
     let Some(serve) = cli.serve else { bail!("nothing to do: give --predictor") };
-    let factory = serve.predictor.factory(&serve.options)?;
+    let factory = serve.choice.factory(None)?;
     Ok(match wire::node::serve_predictor(&serve.node, factory)? {
         Stop::Interrupted => ExitCode::from(130),
         Stop::ParentGone | Stop::SimGone => ExitCode::SUCCESS,

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use scenarios::{SceneSet, SetError};
+use scenarios::Logs;
 use wire::node::{Predictor, PredictorFactory, StepInput};
 use world::geometry::Pose;
 use world::observation::{Briefing, ObservedAgent};
@@ -10,24 +10,12 @@ use world::plan::{Future, PLAN_STEPS, PredictedTrajectory, UncheckedPrediction};
 use world::scene::Scene;
 use world::scene::bridged::Bridged;
 
-/// The predictor `oracle`.
-pub struct Oracle(SceneSet);
-
-impl Oracle {
-    /// The predictor for the scenes of these inputs, see [`SceneSet::open`].
-    ///
-    /// # Errors
-    /// [`SetError`] where they cannot be opened.
-    pub fn open(scenarios: &[String]) -> Result<Self, SetError> {
-        SceneSet::open(scenarios).map(Self)
-    }
-}
+/// The predictor `oracle` for the scenes of these logs.
+pub struct Oracle(pub Arc<dyn Logs>);
 
 impl PredictorFactory for Oracle {
     fn start(&self, briefing: &Briefing) -> Result<Box<dyn Predictor>, String> {
-        let index = self.0.entries().iter().position(|entry| entry.id == briefing.scene);
-        let index = index.ok_or_else(|| format!("scene {} is not in the scene set of this node", briefing.scene))?;
-        let (scene, _) = self.0.load(index).map_err(|e| e.to_string())?;
+        let scene = self.0.scene(&briefing.scene)?;
         // `strict` fills in gaps of the log; `paper` takes it as it lies.
         let paper = briefing.protocol == "paper";
         Ok(Box::new(Log(if paper { scene } else { Arc::clone(Bridged::of(&scene).judged()) })))

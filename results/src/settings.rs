@@ -155,6 +155,9 @@ pub struct SceneLine {
 pub struct Machine {
     /// Episodes driven at a time.
     pub parallel: u16,
+    /// Whether the driver is in the sim's own process, in the place of nodes.
+    #[serde(default)]
+    pub in_process: bool,
     /// Whether each worker and its nodes are kept on one core.
     #[serde(default)]
     pub pin: bool,
@@ -290,6 +293,7 @@ pub(crate) mod tests {
             build: Build::this(),
             machine: Machine {
                 parallel: 2,
+                in_process: false,
                 pin: false,
                 start_timeout_s: 20.0,
                 endpoint: None,

@@ -59,7 +59,12 @@ pub fn blame(
     }
     failed.retain(|failure| arguments.episodes.is_empty() || arguments.episodes.contains(&failure.scene));
     let parallel = arguments.parallel.unwrap_or(cores);
-    let means = Means { scenarios: arguments.scenarios.clone(), weights: arguments.weights.clone(), parallel };
+    let means = Means {
+        scenarios: arguments.scenarios.clone(),
+        weights: arguments.weights.clone(),
+        parallel,
+        in_process: arguments.in_process,
+    };
     let own = cast::again(&file, &means)?;
     let other = other_driver(arguments, &own, parallel)?;
     let mut blamed = Blamed {
@@ -91,6 +96,7 @@ fn other_driver(arguments: &BlameArgs, own: &Request, parallel: u16) -> anyhow::
     let asked = RunArgs {
         scenarios: own.machine.scenarios.clone(),
         parallel: Some(parallel),
+        in_process: arguments.in_process,
         ..RunArgs::of(&arguments.driver)
     };
     let mut request = Request::resolve(asked, parallel)?;

@@ -94,6 +94,21 @@ pub enum Command {
     Verify(VerifyArgs),
 }
 
+impl Command {
+    /// Whether it may drive by nodes.
+    #[must_use]
+    pub fn is_on_the_bus(&self) -> bool {
+        match self {
+            Self::Run(arguments) => !arguments.in_process,
+            Self::Matrix(arguments) => !arguments.in_process,
+            Self::Evaluate(arguments) => !arguments.in_process,
+            Self::Replay(arguments) => !arguments.in_process && (arguments.live || arguments.from.is_some()),
+            Self::Blame(arguments) => !arguments.in_process,
+            _ => false,
+        }
+    }
+}
+
 /// How long an answer may take unless somebody says otherwise: what `--deadline` has as its default.
 const DEADLINE: Duration = Duration::from_secs(5);
 
@@ -166,6 +181,10 @@ pub struct RunArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256), help_heading = "How to run")]
     pub parallel: Option<u16>,
 
+    /// Drive in this process, without nodes and bus: the same results and recordings at less cost; for drivers of ours
+    #[arg(long, conflicts_with_all = ["planner", "planner_command", "endpoint"], help_heading = "How to run")]
+    pub in_process: bool,
+
     /// Keep each worker with its nodes on a core of its own: faster, where nothing else wants the cores
     #[arg(long, help_heading = "How to run")]
     pub pin: bool,
@@ -209,6 +228,7 @@ impl RunArgs {
             out: None,
             retry: Vec::new(),
             parallel: None,
+            in_process: false,
             pin: false,
             deadline: DEADLINE,
             start_timeout: None,
@@ -266,6 +286,10 @@ pub struct MatrixArgs {
     /// Episodes driven at a time; results do not depend on it [default: the cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256), help_heading = "How to run")]
     pub parallel: Option<u16>,
+
+    /// Have drivers of ours in this process, without nodes and bus: the same figures at less cost
+    #[arg(long, help_heading = "How to run")]
+    pub in_process: bool,
 
     /// Keep each worker with its nodes on a core of its own
     #[arg(long, help_heading = "How to run")]
@@ -361,6 +385,10 @@ pub struct EvaluateArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256), help_heading = "How to run")]
     pub parallel: Option<u16>,
 
+    /// Have drivers of ours in this process, without nodes and bus: the same figures at less cost
+    #[arg(long, help_heading = "How to run")]
+    pub in_process: bool,
+
     /// Keep each worker with its nodes on a core of its own
     #[arg(long, help_heading = "How to run")]
     pub pin: bool,
@@ -403,6 +431,9 @@ pub struct ReplayArgs {
     /// Episodes at a time, with either; results do not depend on it [default: the cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256), requires = "anew")]
     pub parallel: Option<u16>,
+    /// Drive in this process, with either: without nodes and bus, for drivers of ours
+    #[arg(long, requires = "anew", conflicts_with = "planner_command")]
+    pub in_process: bool,
     /// How long nodes may take to start, with either [default: 20s, or as the run's own]
     #[arg(long, value_name = "TIME", value_parser = parse_duration, requires = "anew")]
     pub start_timeout: Option<Duration>,
@@ -465,6 +496,9 @@ pub struct BlameArgs {
     /// Where the weights of the run are now, if not where they were
     #[arg(long, value_name = "FILE")]
     pub weights: Option<PathBuf>,
+    /// Drive in this process, without nodes and bus; for drivers of ours
+    #[arg(long)]
+    pub in_process: bool,
     /// How to print
     #[arg(long, value_enum, default_value_t)]
     pub format: BlameFormat,

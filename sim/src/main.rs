@@ -26,6 +26,7 @@ use sim::matrix;
 use sim::predictions;
 use sim::replay;
 use sim::request::Request;
+use sim::run::bus_threads;
 use sim::run::clock::{Clock, WallClock};
 use sim::run::console::Console;
 use sim::run::interrupt::{INTERRUPTED, Interrupts};
@@ -38,6 +39,9 @@ use tracing_subscriber::EnvFilter;
 fn main() -> ExitCode {
     let clock = WallClock::start();
     let cli: Cli = terminal::parse(terminal::REVISION);
+    if cli.command.is_on_the_bus() {
+        bus_threads::settle();
+    }
     let console = Console::new();
     log_to(&console, cli.verbose);
     let done = match cli.command {

@@ -51,6 +51,7 @@ pub fn requests(arguments: &MatrixArgs, cores: u16) -> Result<Vec<Request>, Matr
             retry: arguments.retry.clone(),
             record: arguments.record,
             parallel: arguments.parallel,
+            in_process: arguments.in_process && entrant.planner_command.is_none(),
             pin: arguments.pin,
             deadline: arguments.deadline,
             ..RunArgs::of(entrant)

@@ -148,6 +148,7 @@ impl Request {
         };
         let machine = Machine {
             parallel: arguments.parallel.unwrap_or(cores),
+            in_process: arguments.in_process,
             pin: arguments.pin,
             start_timeout_s: arguments.start_timeout.unwrap_or(patience).as_secs_f64(),
             endpoint: arguments.endpoint,

@@ -109,9 +109,9 @@ fn trimmed(message: Message) -> Message {
             }
             Body::Scene(scene)
         }
-        Body::Observation(mut observation) => {
-            shorten(observation.window.as_mut());
-            Body::Observation(observation)
+        Body::Observation(observation) => {
+            let (window_first_sample, window_samples) = (0, SAMPLES as u32);
+            Body::Observation(Box::new(proto::Observation { window_first_sample, window_samples, ..*observation }))
         }
         other => return Message { body: other, payload: message.payload },
     };

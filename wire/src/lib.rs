@@ -27,11 +27,10 @@ pub mod node;
 pub mod proto;
 pub mod pulse;
 pub mod session;
-mod waiting;
 
 /// The version of messages, keys and their order. A node of another version is refused; raise it with every change that an
 /// older node would misread.
-pub const WIRE_VERSION: u32 = 2;
+pub const WIRE_VERSION: u32 = 3;
 
 /// `proto/reloop.proto`, compiled: the schema of every message, as recordings carry it (a serialized `FileDescriptorSet`).
 pub const FILE_DESCRIPTOR_SET: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/descriptors.bin"));

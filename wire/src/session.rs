@@ -95,6 +95,18 @@ const ACCESS: &str = r#"{
     policies: [{ rules: ["answers", "token"], subjects: ["everybody"] }],
 }"#;
 
+/// Where Zenoh reads from how many threads it may have, and nowhere else.
+pub const RUNTIME_VARIABLE: &str = "ZENOH_RUNTIME";
+
+/// What [`RUNTIME_VARIABLE`] is best set to, for so many threads. By default Zenoh waits for the network in one thread, reads in another and
+/// writes in a third: each step of a drive wakes all of them. So one does all three, and an answer that is given while reading wakes no
+/// other.
+#[must_use]
+pub fn runtime(threads: u16) -> String {
+    let handed_over = ["tx", "acc", "app", "net"].map(|name| format!("{name}: (handover: rx)")).join(", ");
+    format!("(rx: (worker_threads: {threads}), {handed_over})")
+}
+
 /// A router session that listens on `endpoint` (`tcp/127.0.0.1:7447`), or on a free port of the loopback where there is none; port 0
 /// is a free one too. Gives back the endpoint as nodes are to be told it.
 ///

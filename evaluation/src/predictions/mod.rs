@@ -11,9 +11,10 @@
 mod table;
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use prost::Message as _;
-use wire::proto;
+use wire::{convert, proto};
 use world::geometry::Point;
 use world::observation::Observation;
 use world::plan::{Future, PLAN_STEPS, Prediction, UncheckedPrediction};
@@ -106,11 +107,16 @@ impl Figures {
     /// [`RecordedError`].
     pub fn of_recording(bytes: &[u8]) -> Result<Self, RecordedError> {
         let (mut seen, mut predictions) = (BTreeMap::new(), Vec::new());
+        let mut line = Arc::default();
         messages(bytes, |channel, data| {
             match channel {
+                "scene" => {
+                    let told = proto::Scene::decode(data).map_err(|error| error.to_string())?;
+                    line = Arc::new(convert::reference_line(told).map_err(|error| error.to_string())?);
+                }
                 "observation" => {
                     let told = proto::Observation::decode(data).map_err(|error| error.to_string())?;
-                    let told = Observation::try_from(told).map_err(|error| error.to_string())?;
+                    let told = convert::observation(told, &line).map_err(|error| error.to_string())?;
                     seen.insert(told.step, whereabouts(&told));
                 }
                 "prediction" => {

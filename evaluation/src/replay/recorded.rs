@@ -1,7 +1,8 @@
 //! What a recording says of an episode.
 
 use thiserror::Error;
-use wire::proto;
+use wire::convert::by_number;
+use wire::{WIRE_VERSION, proto};
 use world::plan::{Plan, UncheckedPlan};
 
 use crate::recorded::{RecordedError, messages};
@@ -86,8 +87,14 @@ impl Recorded {
             }
             Ok(())
         })?;
+        let scene: proto::Scene = scene.ok_or(RecordedError::Missing("scene"))?;
+        if let Some(line) = &scene.reference_line {
+            observations = observations.into_iter().map(|observation| by_number(observation, line)).collect();
+        }
+        // A later version says the same with other words.
+        let scene = proto::Scene { wire_version: WIRE_VERSION, ..scene };
         Ok(Self {
-            scene: scene.ok_or(RecordedError::Missing("scene"))?,
+            scene,
             end: end.ok_or(RecordedError::Missing("end"))?,
             observations,
             predictions,

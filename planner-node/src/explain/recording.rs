@@ -147,9 +147,11 @@ pub fn step_of(bytes: &[u8], path: &Path, step: u32) -> Result<RecordedStep, Rec
                 Ok(told) => briefing = Some(told),
                 Err(what) => drop(damage.get_or_insert(misread(what))),
             },
-            OBSERVATION => match decoded::<proto::Observation, Observation>(data) {
-                Ok(seen) => observation = observation.or(Some(seen).filter(|seen| seen.step == step)),
-                Err(what) => drop(damage.get_or_insert(misread(what))),
+            // Without its scene it cannot be read, and the scene's absence is what is told.
+            OBSERVATION => match briefing.as_ref().map(|briefing| observed(data, briefing)) {
+                None => {}
+                Some(Ok(seen)) => observation = observation.or(Some(seen).filter(|seen| seen.step == step)),
+                Some(Err(what)) => drop(damage.get_or_insert(misread(what))),
             },
             PREDICTION => match decoded::<proto::Prediction, UncheckedPrediction>(data) {
                 Ok(expected) if expected.step == step => {
@@ -192,6 +194,12 @@ fn weights_of_run(settings: &str) -> Option<String> {
     let command = run.get("settings")?.get("planner")?.get("command")?.as_str()?;
     let (_, after) = command.split_once("--weights")?;
     Some(after.trim_start_matches('=').split_whitespace().next()?.to_owned())
+}
+
+/// The bytes of an observation of the episode of `briefing`.
+fn observed(data: &[u8], briefing: &Briefing) -> Result<Observation, String> {
+    let message = wire::convert::decode(data).map_err(|e| e.to_string())?;
+    wire::convert::observation(message, &briefing.reference_line).map_err(|e| e.to_string())
 }
 
 /// A message's bytes as what they mean.

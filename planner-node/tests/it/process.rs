@@ -4,7 +4,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use wire::hub::{Cast, EpisodeLine, Hub, LineError, Seat};
+use wire::hub::{Cast, EpisodeLine, Hub, Line, LineError, Seat};
 use wire::keys::{Role, Secret, Worker, Workers};
 use world::observation::{Briefing, HistoryStep, Observation};
 use world::reference_line::{ReferenceLine, ReferenceWindow};

@@ -232,9 +232,11 @@ fn observation(step: u32, size: Size) -> proto::Observation {
         control: Some(proto::Control { acceleration: 0.1, steering: 0.0 }),
         agents: agents(f64::from(step), size),
         signals: vec![signal(1, own, (-11.0, -1.75)), signal(3, other, (1.75, -11.0))],
-        window: Some(reference_line(first, 1_200)),
+        window: None,
         window_first_sample: first as u32,
+        window_samples: 1_200,
         red_stops: vec![300],
+        window_speed_limit: None,
     }
 }
 

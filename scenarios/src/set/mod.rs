@@ -5,6 +5,7 @@ mod file;
 mod found;
 mod generate;
 mod inputs;
+mod logged;
 mod scan;
 
 use std::sync::Arc;
@@ -19,6 +20,7 @@ pub use entry::SceneEntry;
 pub use file::{SetFile, TomlProblem};
 pub use found::Note;
 pub use inputs::GENERATED_TOML;
+pub use logged::Logs;
 
 /// An ordered set of scenes with unique ids. Holds no scene; loads them from many threads.
 #[derive(Clone, Debug)]

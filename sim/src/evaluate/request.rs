@@ -69,6 +69,7 @@ impl Evaluation {
                     Definitions::Authors => ProtocolName::Paper,
                 },
                 parallel: arguments.parallel,
+                in_process: arguments.in_process && who.planner_command.is_none(),
                 pin: arguments.pin,
                 deadline: arguments.deadline,
                 start_timeout: arguments.start_timeout,

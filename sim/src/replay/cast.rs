@@ -44,6 +44,8 @@ pub struct Means {
     pub weights: Option<PathBuf>,
     /// Episodes at a time.
     pub parallel: u16,
+    /// Whether it is driven in this process.
+    pub in_process: bool,
 }
 
 /// The request that drives as the run `file` was driven, with nothing recorded, and no folder yet.
@@ -52,7 +54,7 @@ pub struct Means {
 /// [`CastError`] where the weights are others.
 pub fn again(file: &RunFile, means: &Means) -> Result<Request, CastError> {
     let mut machine = file.machine.clone();
-    machine.parallel = means.parallel;
+    (machine.parallel, machine.in_process) = (means.parallel, means.in_process);
     machine.weights = own_weights(file, means.weights.as_deref())?;
     if file.settings.planner != Planner::External {
         machine.endpoint = None;

@@ -109,7 +109,12 @@ fn request(file: &RunFile, arguments: &ReplayArgs, from: u32, digest: String, co
         if let Some((option, _)) = options.into_iter().find(|(_, given)| *given) {
             return Err(ForkError::WithDriver(option).into());
         }
-        let means = Means { scenarios: arguments.scenarios.clone(), weights: fork.weights.clone(), parallel };
+        let means = Means {
+            scenarios: arguments.scenarios.clone(),
+            weights: fork.weights.clone(),
+            parallel,
+            in_process: arguments.in_process,
+        };
         let mut request = cast::again(file, &means)?;
         request.settings.deadline_s = fork.deadline.map_or(request.settings.deadline_s, |time| time.as_secs_f64());
         request
@@ -124,6 +129,7 @@ fn request(file: &RunFile, arguments: &ReplayArgs, from: u32, digest: String, co
             features: fork.features.clone(),
             scenarios: scenarios.clone(),
             parallel: Some(parallel),
+            in_process: arguments.in_process,
             deadline: fork.deadline.unwrap_or(usual.deadline),
             ..usual
         };

@@ -43,6 +43,7 @@ pub fn run(
         scenarios: arguments.scenarios.clone(),
         weights: arguments.fork.weights.clone(),
         parallel: arguments.parallel.unwrap_or(cores),
+        in_process: arguments.in_process,
     };
     let mut request = cast::again(&file, &means)?;
     let place = tempfile::tempdir().map_err(results::files::at("create a folder in", &std::env::temp_dir()))?;

@@ -25,7 +25,7 @@ use super::core::{Drive, Ending, Event};
 use super::drive::Driver;
 use super::interrupt::Interrupts;
 use super::worker::{Shared, Worker};
-use super::{RunError, State, drive_all, open_bus};
+use super::{RunError, State, drive_all, reach};
 use crate::request::Request;
 
 /// What is judged, and what came of it.
@@ -69,11 +69,11 @@ pub fn judge(
     let (Opened::New(folder) | Opened::Unfinished(folder) | Opened::Finished(folder)) =
         Folder::open(place.path(), &file)?;
     let cores = file.machine.pin.then(Cores::of_this_thread).transpose().map_err(RunError::Pin)?;
-    let bus = open_bus(&file, console)?;
+    let reach = reach(&file, console)?;
     let run = (scenes.clone(), file.clone(), folder);
     let shared = Arc::new(Shared {
         frames: Some(Frames { definitions, rows: Mutex::default() }),
-        ..Shared::new(run, bus, cores, clock, console, interrupts.nodes())
+        ..Shared::new(run, reach, cores, clock, console, interrupts.nodes())
     });
     let total = scenes.entries().len();
     let ending = drive_all(&shared, (0..total).collect(), interrupts);
@@ -111,16 +111,19 @@ impl Worker<'_> {
     /// Asks for plans at all frames of a scene and stores what they are worth; none where the run is stopped before that.
     pub(super) fn judge(&mut self, Drive { scene, repeatable, .. }: Drive, frames: &Frames) -> Option<Event> {
         let shared = self.shared;
-        let pauses = shared.hub.pauses();
+        let pauses = shared.pauses();
         let asked = match shared.scenes.load(scene) {
             Err(error) => {
                 let id = shared.scenes.entries()[scene].id.as_str();
                 let row = Row { failure: error.to_string(), ..Row::of(id, 0) };
                 Asked { rows: vec![row], failed: false, lost: false }
             }
-            Ok((loaded, _)) => self.ask_at_all_frames(&loaded, frames.definitions)?,
+            Ok((loaded, _)) => {
+                let _log = shared.logs.open(&loaded);
+                self.ask_at_all_frames(&loaded, frames.definitions)?
+            }
         };
-        if asked.failed && repeatable && shared.hub.pauses() != pauses {
+        if asked.failed && repeatable && shared.pauses() != pauses {
             return Some(Event::Disturbed { worker: self.number, scene });
         }
         frames.store(scene, asked.rows);

@@ -10,10 +10,12 @@
 //! | --- | --- |
 //! | [`core`] | what follows from what happened: pure |
 //! | [`worker`], [`recorder`] | the threads that do it |
-//! | [`drive`], [`bus`] | one episode, and its driver on the bus |
+//! | [`drive`], [`line`] | one episode, and its driver at the end of a line |
+//! | [`in_process`] | drivers that are in this process |
 //! | [`beginning`] | episodes that are not their driver's from the first step on |
 //! | [`frames`] | no drive at all: plans at frames of the log, to be judged |
 //! | [`progress`] | which episodes are done, and which are to be driven |
+//! | [`bus_threads`] | the threads of the bus |
 //! | [`process`], [`shell`], [`voice`], [`raised`], [`witness`] | nodes: started, heard, and how they ended |
 //! | [`console`], [`interrupt`], [`threads`], [`clock`] | standard error, Ctrl-C, panics, time |
 //! | [`timing`] | where the time went |
@@ -44,14 +46,15 @@ use self::beginning::Beginnings;
 use self::clock::{Clock, WallClock};
 use self::console::Console;
 use self::core::{Core, Drive, Effects, Ending, Event};
+use self::in_process::InProcessError;
 use self::interrupt::Interrupts;
 use self::progress::Progress;
 use self::timing::Breakdown;
-use self::worker::{Bus, Onlooker, Order, Shared};
+use self::worker::{Onlooker, Order, Reach, Shared};
 use crate::request::Request;
 
 pub mod beginning;
-pub mod bus;
+pub mod bus_threads;
 pub mod clock;
 pub mod console;
 pub mod core;
@@ -59,7 +62,9 @@ pub mod core;
 mod core_tests;
 pub mod drive;
 pub mod frames;
+pub mod in_process;
 pub mod interrupt;
+pub mod line;
 pub mod process;
 pub mod progress;
 pub mod raised;
@@ -90,6 +95,8 @@ pub enum RunError {
     Bus(#[from] SessionError),
     #[error(transparent)]
     Name(#[from] KeyError),
+    #[error(transparent)]
+    InProcess(#[from] InProcessError),
     #[error("threads cannot be kept to a core: {0}\nhint: leave out --pin")]
     Pin(std::io::Error),
     #[error(transparent)]
@@ -238,14 +245,14 @@ fn drive_pending(
     if let Some(cores) = cores.filter(|_| alone) {
         cores.one(0).and_then(|one| one.keep_to()).map_err(RunError::Pin)?;
     }
-    let bus = open_bus(&file, console)?;
+    let reach = reach(&file, console)?;
     if let Some(cores) = cores {
         cores.keep_to().map_err(RunError::Pin)?;
     }
     let shared = Arc::new(Shared {
         beginnings,
         onlooker,
-        ..Shared::new((scenes, file, folder), bus, cores, clock, console, interrupts.nodes())
+        ..Shared::new((scenes, file, folder), reach, cores, clock, console, interrupts.nodes())
     });
     let ending = drive_all(&shared, pending.clone(), interrupts);
     console.end();
@@ -268,8 +275,19 @@ fn drive_pending(
     Ok(Done { folder: path, breakdown })
 }
 
+/// What the driver of a run is reached by: there is no bus where it is in this process and nobody records.
+fn reach(file: &RunFile, console: &Console) -> Result<Reach, RunError> {
+    if !file.machine.in_process {
+        return open_bus(file, console);
+    }
+    let logs = Arc::default();
+    let minds = in_process::minds(&file.settings, &file.machine, &logs)?;
+    let bus = if file.settings.record == Record::None { Reach::default() } else { open_bus(file, console)? };
+    Ok(Reach { minds: Some(minds), logs, ..bus })
+}
+
 /// The bus of a run, and the place of a planner that is not the sim's to start. Its name says nothing of the folder, so that recordings of the same run are the same anywhere.
-fn open_bus(file: &RunFile, console: &Console) -> Result<Bus, RunError> {
+fn open_bus(file: &RunFile, console: &Console) -> Result<Reach, RunError> {
     let name = format!("{}-{}", file.settings.driver, file.settings.protocol.name());
     let settings = HubSettings { endpoint: file.machine.endpoint.clone(), deadline: file.settings.deadline() };
     let hub = Hub::open_with(&name.parse()?, &settings)?;
@@ -288,7 +306,7 @@ fn open_bus(file: &RunFile, console: &Console) -> Result<Bus, RunError> {
         );
     }
     if file.settings.planner != Planner::External {
-        return Ok((hub, None));
+        return Ok(Reach { hub: Some(hub), ..Reach::default() });
     }
     // Whoever starts both may have told both already.
     let secret = Secret::of_this_process();
@@ -305,7 +323,7 @@ fn open_bus(file: &RunFile, console: &Console) -> Result<Bus, RunError> {
         "waiting up to {patience} s for your planner: --endpoint {endpoint} --run {run} --worker '*', and {environment} in its \
          environment"
     ));
-    Ok((hub, Some(Arc::new(seat))))
+    Ok(Reach { hub: Some(hub), external: Some(Arc::new(seat)), ..Reach::default() })
 }
 
 /// Drives the scenes of these places. All that was started is gone when it returns.

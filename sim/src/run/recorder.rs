@@ -5,6 +5,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
 use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
+use wire::hub::Hub;
 use wire::keys::{Role, Workers};
 
 use super::core::Event;
@@ -59,14 +60,14 @@ pub fn keep(shared: &Arc<Shared>, groups: &Groups, orders: &Receiver<()>, events
 }
 
 fn is_on_the_bus(shared: &Shared) -> bool {
-    shared.hub.nodes().iter().any(|node| node.role == Role::Recorder)
+    shared.hub.iter().flat_map(Hub::nodes).any(|node| node.role == Role::Recorder)
 }
 
 fn start(shared: &Shared, groups: &Groups) -> Result<Process, String> {
     let out = shared.folder.episodes();
     let out = out.to_string_lossy();
     let arguments = ["record", "--out", &out];
-    let seat = shared.hub.seat(Role::Recorder, &Workers::All).map_err(|error| error.to_string())?;
+    let seat = shared.hub()?.seat(Role::Recorder, &Workers::All).map_err(|error| error.to_string())?;
     let mut process = shared.start_program("recorder", "the recorder", &arguments, &seat, groups)?;
     shared.wait_for(&seat, Some(&mut process))?;
     *shared.recorder.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(seat));

@@ -15,18 +15,20 @@ use results::settings::Record;
 use results::settings::{Node, Planner, RunFile};
 use scenarios::{SceneSet, lint};
 use wire::cores::Cores;
-use wire::hub::{BarrierError, Cast, Hub, Seat};
+use wire::hub::{BarrierError, Cast, HereLine, Hub, Line, Minds, Seat};
 use wire::keys::{Role, Secret, Worker as WorkerName, Workers};
 use wire::proto::{AgentState, EndReason, EpisodeEnd};
 use world::scene::Scene;
 
 use super::beginning::{Beginnings, Begun, NotBegun};
-use super::bus::BusDriver;
+use super::bus_threads;
 use super::clock::{Clock, WallClock};
 use super::console::Console;
 use super::core::{Drive, Event};
 use super::drive::{Driven, drive};
 use super::frames::Frames;
+use super::in_process::DrivenLogs;
+use super::line::LineDriver;
 use super::process::{self, Groups, Process, program};
 use super::shell;
 use super::voice::Voice;
@@ -61,8 +63,12 @@ pub struct Shared {
     pub onlooker: Option<Onlooker>,
     /// Where figures go, if nothing is driven: plans are asked for at frames of the log, and judged.
     pub frames: Option<Frames>,
-    /// The bus.
-    pub hub: Hub,
+    /// The bus; none where nobody is on it.
+    pub hub: Option<Hub>,
+    /// Who drives in this process, in the place of nodes.
+    pub minds: Option<Minds>,
+    /// What they may know of the log.
+    pub logs: Arc<DrivenLogs>,
     /// The place of a planner that somebody else starts, and that serves all workers.
     pub external: Option<Arc<Seat>>,
     /// The place of the recorder that runs.
@@ -81,14 +87,24 @@ pub struct Shared {
     pub stop: AtomicBool,
 }
 
-/// The bus, and the place of a planner that somebody else starts.
-pub type Bus = (Hub, Option<Arc<Seat>>);
+/// What drivers are reached by.
+#[derive(Default)]
+pub struct Reach {
+    /// The bus; none where nobody is on it.
+    pub hub: Option<Hub>,
+    /// The place of a planner that somebody else starts.
+    pub external: Option<Arc<Seat>>,
+    /// Who drives in this process.
+    pub minds: Option<Minds>,
+    /// What they may know of the log.
+    pub logs: Arc<DrivenLogs>,
+}
 
 impl Shared {
     /// What workers share in a run in which every episode is its driver's from the first step on, and nobody looks on.
     pub fn new(
         (scenes, file, folder): (SceneSet, RunFile, Folder),
-        (hub, external): Bus,
+        Reach { hub, external, minds, logs }: Reach,
         cores: Option<Cores>,
         clock: WallClock,
         console: &Console,
@@ -102,6 +118,8 @@ impl Shared {
             onlooker: None,
             frames: None,
             hub,
+            minds,
+            logs,
             external,
             recorder: Mutex::default(),
             recorder_is_frozen: AtomicBool::new(false),
@@ -127,6 +145,7 @@ impl Shared {
     ) -> Result<Process, String> {
         let mut command = Command::new(program(name).map_err(|error| error.to_string())?);
         command.args(arguments);
+        bus_threads::set(&mut command, Some(1));
         self.start_command(process, command, seat, groups)
     }
 
@@ -137,7 +156,8 @@ impl Shared {
         seat: &Seat,
         groups: &Groups,
     ) -> Result<Process, String> {
-        let run = self.hub.run().to_string();
+        let hub = self.hub()?;
+        let run = hub.run().to_string();
         // Nodes say what the sim would say, unless the user said otherwise.
         if std::env::var_os("RUST_LOG").is_none() {
             // A message that comes while a session closes is an error to Zenoh; here it is the end of every run.
@@ -145,15 +165,28 @@ impl Shared {
             command.env("RUST_LOG", if tracing::enabled!(tracing::Level::INFO) { "info" } else { quiet });
         }
         // In the environment too, for a planner's command that is a script.
-        command.env("NO_COLOR", "1").env("RELOOP_ENDPOINT", self.hub.endpoint()).env("RELOOP_RUN", &run);
+        command.env("NO_COLOR", "1").env("RELOOP_ENDPOINT", hub.endpoint()).env("RELOOP_RUN", &run);
         command.env("RELOOP_EXIT_WITH_PARENT", "true");
         // There alone: everybody on the machine can read arguments.
         command.env(Secret::VARIABLE, seat.secret().reveal());
-        command.args(["--endpoint", self.hub.endpoint(), "--run", &run, "--exit-with-parent"]);
+        command.args(["--endpoint", hub.endpoint(), "--run", &run, "--exit-with-parent"]);
         // The logs of a worker's nodes are one: what they say belongs together.
         let log = process.rsplit(' ').next().unwrap_or(process);
         let voice = Voice::new(process, &self.console, self.folder.file("logs").join(format!("{log}.log")));
         Process::start(process, command, groups, voice).map_err(|error| error.to_string())
+    }
+
+    /// The bus.
+    ///
+    /// # Errors
+    /// That there is none, as a sentence.
+    pub fn hub(&self) -> Result<&Hub, String> {
+        self.hub.as_ref().ok_or_else(|| "this run has no bus".to_owned())
+    }
+
+    /// How often this process stood still.
+    pub fn pauses(&self) -> u64 {
+        self.hub.as_ref().map_or(0, Hub::pauses)
     }
 
     /// The place of the recorder that runs.
@@ -170,7 +203,7 @@ impl Shared {
         let process = RefCell::new(process);
         let gone = || process.borrow_mut().as_mut().and_then(|process| process.gone());
         let cancelled = || self.stop.load(Ordering::Relaxed) || gone().is_some();
-        match self.hub.wait_for_nodes(&[seat], self.file.machine.start_timeout(), &cancelled) {
+        match self.hub()?.wait_for_nodes(&[seat], self.file.machine.start_timeout(), &cancelled) {
             Ok(()) => Ok(()),
             Err(error) => Err(match (gone(), name) {
                 (Some(how), Some(name)) => format!("{name} {how} before it was on the bus"),
@@ -233,22 +266,31 @@ struct Seats {
 }
 
 impl Worker<'_> {
-    /// The bus's line to its nodes for an episode of `scene`, and the processes behind it.
+    /// The line to its nodes for an episode of `scene`, and the processes behind it.
     pub(super) fn driver(
         &mut self,
         scene: &Arc<Scene>,
         recorder: Option<&Seat>,
-    ) -> Result<Witness<'_, BusDriver>, String> {
+    ) -> Result<Witness<'_, LineDriver>, String> {
         let shared = self.shared;
-        let seats = self.seats.as_ref().ok_or("its worker has no nodes")?;
-        let cast = Cast { planner: &seats.planner, predictor: seats.predictor.as_ref(), recorder };
-        let deadline = shared.file.settings.deadline();
-        let driver = BusDriver::new(&shared.hub, &self.name, scene, cast, deadline, CLOSING)?;
+        let line: Box<dyn Line> = if let Some(minds) = &shared.minds {
+            let tape = shared.hub.as_ref().map(|hub| hub.tape(&self.name, scene.id(), recorder));
+            Box::new(HereLine::new(minds, tape.transpose().map_err(|error| error.to_string())?))
+        } else {
+            let seats = self.seats.as_ref().ok_or("its worker has no nodes")?;
+            let cast = Cast { planner: &seats.planner, predictor: seats.predictor.as_ref(), recorder };
+            let line = shared.hub()?.episode(&self.name, scene.id(), cast);
+            Box::new(line.map_err(|error| error.to_string())?)
+        };
+        let driver = LineDriver::new(line, scene, shared.file.settings.deadline(), recorder.map(|_| CLOSING));
         Ok(Witness { driver, nodes: &mut self.nodes })
     }
 
     pub(super) fn start_nodes(&mut self) -> Result<(), String> {
         self.nodes.clear();
+        if self.shared.minds.is_some() {
+            return Ok(());
+        }
         self.starts += 1;
         let settings = &self.shared.file.settings;
         // New seats for new nodes: of those before none is heard any more.
@@ -278,7 +320,7 @@ impl Worker<'_> {
     }
 
     fn seat(&self, role: Role) -> Result<Seat, String> {
-        self.shared.hub.seat(role, &Workers::One(self.name.clone())).map_err(|error| error.to_string())
+        self.shared.hub()?.seat(role, &Workers::One(self.name.clone())).map_err(|error| error.to_string())
     }
 
     fn wait_for(&mut self, seat: &Seat, mut process: Option<Process>) -> Result<(), String> {
@@ -314,6 +356,7 @@ impl Worker<'_> {
             shell.env("PATH", path);
         }
         shell.args(["-c", &shell::line(command), "sh", "--worker", &worker, "--name", &name]);
+        bus_threads::set(&mut shell, None);
         shell.env("RELOOP_WORKER", &worker).env("RELOOP_NAME", &name);
         self.shared.start_command(&format!("planner {worker}"), shell, seat, &self.shared.groups)
     }
@@ -325,7 +368,7 @@ impl Worker<'_> {
     /// Drives a scene and stores what came of it; none where the run is stopped before that.
     fn drive(&mut self, Drive { scene, record, repeatable }: Drive) -> Option<Event> {
         let shared = self.shared;
-        let pauses = shared.hub.pauses();
+        let pauses = shared.pauses();
         let begin = shared.clock.now();
         let id = &shared.scenes.entries()[scene].id;
         let loaded = shared.scenes.load(scene);
@@ -333,6 +376,7 @@ impl Worker<'_> {
         let mut part = match loaded {
             Err(error) => self.unreadable(id.as_str(), &error.to_string()),
             Ok((scene, findings)) => {
+                let _log = shared.logs.open(&scene);
                 let lints = lint::lint(&scene, &findings);
                 lints.iter().for_each(|lint| tracing::debug!(scene = %id, "{lint}"));
                 let protocol = &shared.file.settings.protocol;
@@ -366,7 +410,7 @@ impl Worker<'_> {
         let driver_failed = part.reason() == EndReason::DriverFailed;
         let recorded = part.recorded && part.recording_error.is_empty();
         let spoiled = driver_failed || part.recorded && !recorded;
-        if spoiled && repeatable && shared.hub.pauses() != pauses {
+        if spoiled && repeatable && shared.pauses() != pauses {
             return Some(Event::Disturbed { worker: self.number, scene });
         }
         if let Err(error) = self

@@ -85,6 +85,7 @@ pub fn finished(root: &Path, name: &str, drives: &[(String, Part)], change: impl
         build: Build { version: "0.1.0".to_owned(), git_revision: "0123456789ab".to_owned(), wire_version: 2 },
         machine: Machine {
             parallel: 1,
+            in_process: false,
             pin: false,
             start_timeout_s: 20.0,
             endpoint: None,

@@ -103,6 +103,8 @@ fn help_says_what_can_be_typed() {
                                       values: all, failures, none]
           --parallel <N>              Episodes driven at a time; results do not depend on it [default:
                                       the cores]
+          --in-process                Drive in this process, without nodes and bus: the same results and
+                                      recordings at less cost; for drivers of ours
           --pin                       Keep each worker with its nodes on a core of its own: faster,
                                       where nothing else wants the cores
           --deadline <TIME>           How long an answer may take: 5s, 500ms [default: 5s]
@@ -147,6 +149,8 @@ fn help_says_what_can_be_typed() {
 
     How to run:
           --parallel <N>          Scenes at a time; results do not depend on it [default: the cores]
+          --in-process            Have drivers of ours in this process, without nodes and bus: the same
+                                  figures at less cost
           --pin                   Keep each worker with its nodes on a core of its own
           --deadline <TIME>       How long an answer may take: 5s, 500ms [default: 5s]
           --start-timeout <TIME>  How long nodes may take to start [default: 20s]

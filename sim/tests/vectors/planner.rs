@@ -9,6 +9,7 @@ use planner_node::{GaussNewton, GaussNewtonOptions};
 use predictor_node::Ctrv;
 use prost::Message;
 use vectors::{Npz, Quantity, Report, absolute, relative, worst_deviation};
+use wire::convert;
 use wire::node::{History, Planner, PlannerFactory, Predictor, PredictorFactory, StepInput};
 use wire::proto::{self, EndReason};
 use world::geometry::{Point, angle_difference};
@@ -160,7 +161,8 @@ impl Nodes {
     }
 
     fn answer(&mut self, observation: &Observation) -> (Prediction, Plan) {
-        let observation = Observation::try_from(sent(&proto::Observation::from(observation))).unwrap();
+        let observation = sent(&proto::Observation::from(observation));
+        let observation = convert::observation(observation, &self.briefing.reference_line).unwrap();
         self.history.push(&observation);
         let (briefing, history) = (&self.briefing, &self.history);
         let input = StepInput { briefing, observation: &observation, history, prediction: None };

@@ -32,6 +32,32 @@ fn predictions_repeat_too_and_on_cores_of_their_own() {
 }
 
 #[test]
+fn in_process_and_over_the_bus_all_is_the_same() {
+    let stage = Stage::new();
+    for (driver, protocol) in [("idm", "strict"), ("human", "strict"), ("gn-oracle", "paper"), ("dipp", "strict")] {
+        let run = format!("run --scenarios small.toml --driver {driver} --protocol {protocol}");
+        let [bus, here] = ["bus", "here --in-process --parallel 2"].map(|way| {
+            let name = way.split(' ').next().unwrap();
+            let ended = stage.good_sim(&format!("{run} --out {driver}-{way}"));
+            ended.out.replace(&format!("folder {driver}-{name}"), "")
+        });
+        assert_eq!(here, bus);
+        assert_same(&stage.files(&format!("{driver}-bus")), &stage.files(&format!("{driver}-here")));
+        // Without a recorder there is no bus at all.
+        stage.good_sim(&format!("{run} --in-process --record none --out {driver}-bare"));
+        let steps = |way| stage.files(&format!("{driver}-{way}")).remove("steps.parquet").unwrap();
+        assert!(steps("bare") == steps("bus"));
+    }
+}
+
+#[test]
+fn who_is_no_driver_of_ours_is_not_driven_in_process() {
+    let stage = Stage::new();
+    let ended = stage.sim("run --in-process --planner-command true");
+    assert!(ended.code == Some(2) && ended.err.contains("cannot be used with"), "{ended:?}");
+}
+
+#[test]
 fn drives_under_paper_repeat_too() {
     let stage = Stage::new();
     for workers in [1, 3] {

@@ -17,6 +17,8 @@ mod scene;
 #[cfg(test)]
 mod tests;
 
+pub use observation::{by_number, observation};
+pub use scene::reference_line;
 use thiserror::Error;
 
 use crate::proto;
@@ -136,7 +138,8 @@ fn unsigned(value: f64) -> f64 {
 }
 
 fn not_negative(field: &str, value: f64) -> Checked<f64> {
-    if finite(field, value)? < 0.0 { Err(FieldError::new(field, Problem::Negative(value))) } else { Ok(value) }
+    let value = finite(field, value)?;
+    if value < 0.0 { Err(FieldError::new(field, Problem::Negative(value))) } else { Ok(value) }
 }
 
 fn all_finite(field: &str, values: &[f64]) -> Checked<()> {

@@ -1,6 +1,5 @@
 //! The briefing of an episode (message `Scene`), and the reference line.
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use world::map::MapId;
@@ -37,7 +36,7 @@ impl From<&Briefing> for proto::Scene {
             wheelbase: briefing.wheelbase,
             map: Some(briefing.map.as_ref().into()),
             route: briefing.route.iter().map(|id| id.0).collect(),
-            reference_line: Some(line_message(line, 0..line.x.len())),
+            reference_line: Some(line.as_ref().into()),
             history: briefing.history.iter().map(proto::HistoryStep::from).collect(),
         }
     }
@@ -86,19 +85,27 @@ fn history_step(step: proto::HistoryStep) -> Checked<HistoryStep> {
     })
 }
 
-/// The stretch `samples` of `line`, cut to what there is.
-pub(super) fn line_message(line: &ReferenceLine, samples: Range<usize>) -> proto::ReferenceLine {
-    let end = samples.end.min(line.x.len());
-    let samples = samples.start.min(end)..end;
-    proto::ReferenceLine {
-        x: line.x[samples.clone()].to_vec(),
-        y: line.y[samples.clone()].to_vec(),
-        z: line.z[samples.clone()].to_vec(),
-        heading: line.heading[samples.clone()].to_vec(),
-        curvature: line.curvature[samples.clone()].to_vec(),
-        speed_limit: line.speed_limit[samples.clone()].to_vec(),
-        crosswalk: line.crosswalk[samples].to_vec(),
+impl From<&ReferenceLine> for proto::ReferenceLine {
+    fn from(line: &ReferenceLine) -> Self {
+        Self {
+            x: line.x.clone(),
+            y: line.y.clone(),
+            z: line.z.clone(),
+            heading: line.heading.clone(),
+            curvature: line.curvature.clone(),
+            speed_limit: line.speed_limit.clone(),
+            crosswalk: line.crosswalk.clone(),
+        }
     }
+}
+
+/// The reference line of a scene, for whoever reads its observations without its map.
+///
+/// # Errors
+/// [`MessageError::Field`].
+pub fn reference_line(scene: proto::Scene) -> Result<ReferenceLine, MessageError> {
+    let sent = required("reference_line", scene.reference_line).and_then(|sent| line(sent).within("reference_line"));
+    sent.map_err(|e| e.of(proto::Scene::NAME))
 }
 
 pub(super) fn line(line: proto::ReferenceLine) -> Checked<ReferenceLine> {

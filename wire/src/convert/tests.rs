@@ -15,7 +15,7 @@ use world::scene::{AgentKind, AgentState, SceneId, TrackId};
 use world::signal::{Signal, SignalState};
 
 use super::*;
-use crate::fuzzing;
+use crate::{convert, fuzzing};
 
 fn number() -> impl Strategy<Value = f64> {
     -1e5..1e5
@@ -71,7 +71,7 @@ fn observation() -> impl Strategy<Value = Observation> {
         let signal = Signal { lane: MapId(lane), state, stop_point: Point3 { x, y: -x, z: 1.0 } };
         SeenSignal { signal, unseen }
     });
-    (any::<u32>(), state(), agents(), vec(signal, 0..3), line(2..9), number()).prop_map(
+    (any::<u32>(), state(), agents(), vec(signal, 0..3), line(3..9), number()).prop_map(
         |(step, av, agents, signals, line, a)| Observation {
             step,
             log_index: step.wrapping_add(19),
@@ -80,11 +80,11 @@ fn observation() -> impl Strategy<Value = Observation> {
             agents,
             signals,
             window: ReferenceWindow {
-                start: 0,
-                samples: line.x.len(),
-                first_sample: 77,
-                red_stops: vec![0, line.x.len() as u32 - 1],
-                speed_limit: None,
+                start: 1,
+                samples: line.x.len() - 1,
+                first_sample: 1,
+                red_stops: vec![0, line.x.len() as u32 - 2],
+                speed_limit: (a > 0.0).then_some(a),
                 line: Arc::new(line),
             },
         },
@@ -211,7 +211,35 @@ proptest! {
 
     #[test]
     fn an_observation_arrives_as_it_was_sent(observation in observation()) {
-        prop_assert_eq!(through::<proto::Observation, Observation>((&observation).into()).unwrap(), observation);
+        let line = Arc::clone(&observation.window.line);
+        let sent = proto::Observation::from(&observation).encode_to_vec();
+        prop_assert_eq!(convert::observation(decode(&sent).unwrap(), &line).unwrap(), observation);
+    }
+
+    #[test]
+    fn an_observation_of_version_2_is_read_by_its_own_samples_and_known_by_their_number(observation in observation()) {
+        let line = Arc::clone(&observation.window.line);
+        let sent = proto::Observation::from(&observation);
+        let whole = proto::ReferenceLine::from(line.as_ref());
+        let mut window = whole.clone();
+        for column in
+            [&mut window.x, &mut window.y, &mut window.z, &mut window.heading, &mut window.curvature, &mut window.speed_limit]
+        {
+            column.remove(0);
+        }
+        window.crosswalk.remove(0);
+        if let Some(limit) = sent.window_speed_limit {
+            window.speed_limit.fill(limit);
+        }
+        let old = proto::Observation { window: Some(window), window_samples: 0, window_speed_limit: None, ..sent.clone() };
+        let read = convert::observation(old.clone(), &Arc::default()).unwrap();
+        prop_assert_eq!((read.window.start, read.window.first_sample, read.window.samples), (0, 1, line.len() - 1));
+        let limits: Vec<f64> = (0..read.window.samples).map(|k| read.window.speed_limit_at(k)).collect();
+        let expected: Vec<f64> = (1..line.len()).map(|k| observation.window.speed_limit_at(k)).collect();
+        prop_assert_eq!(limits, expected);
+        prop_assert_eq!(convert::by_number(old.clone(), &whole), sent.clone());
+        prop_assert_eq!(convert::by_number(old.clone(), &proto::ReferenceLine::default()), old);
+        prop_assert_eq!(convert::by_number(sent.clone(), &whole), sent);
     }
 
     #[test]
@@ -266,57 +294,56 @@ fn field(result: Result<impl Sized, MessageError>) -> (String, Problem) {
 }
 
 fn honest_observation() -> proto::Observation {
-    let line = proto::ReferenceLine {
-        x: vec![0.0],
-        y: vec![0.0],
-        z: vec![0.0],
-        heading: vec![0.0],
-        curvature: vec![0.0],
-        speed_limit: vec![0.0],
-        crosswalk: vec![false],
-    };
     let agent = proto::Agent { track: 1, kind: 1, state: Some(proto::AgentState::default()), unseen: 0 };
     proto::Observation {
         av: Some(proto::AgentState::default()),
         agents: vec![agent; 2],
-        window: Some(line),
+        window_samples: 1,
         ..Default::default()
     }
 }
 
-#[test]
-fn one_limit_for_the_whole_window_fills_its_column() {
-    let mut observation = Observation::try_from(honest_observation()).unwrap();
-    observation.window.speed_limit = Some(12.5);
-    let sent = Observation::try_from(proto::Observation::from(&observation)).unwrap();
-    assert_eq!((sent.window.line.speed_limit.as_slice(), sent.window.speed_limit), (&[12.5][..], None));
+/// As whoever has a line of one sample reads it.
+fn read(message: proto::Observation) -> Result<Observation, MessageError> {
+    let [x, y, z, heading, curvature, speed_limit] = std::array::from_fn(|_| vec![0.0]);
+    let line = ReferenceLine { x, y, z, heading, curvature, speed_limit, crosswalk: vec![false] };
+    convert::observation(message, &Arc::new(line))
 }
 
 #[test]
 fn an_error_names_the_field() {
-    assert!(Observation::try_from(honest_observation()).is_ok());
+    assert!(read(honest_observation()).is_ok());
 
     let mut message = honest_observation();
     message.av = None;
-    assert_eq!(field(Observation::try_from(message)), ("av".to_owned(), Problem::Missing));
+    assert_eq!(field(read(message)), ("av".to_owned(), Problem::Missing));
 
     let mut message = honest_observation();
     message.agents[1].state.as_mut().unwrap().velocity_y = f64::NAN;
-    assert_eq!(field(Observation::try_from(message)), ("agents[1].state.velocity_y".to_owned(), Problem::NotFinite));
+    assert_eq!(field(read(message)), ("agents[1].state.velocity_y".to_owned(), Problem::NotFinite));
 
     let mut message = honest_observation();
     message.agents[0].kind = 9;
-    assert_eq!(field(Observation::try_from(message)), ("agents[0].kind".to_owned(), Problem::UnknownValue(9)));
+    assert_eq!(field(read(message)), ("agents[0].kind".to_owned(), Problem::UnknownValue(9)));
 
     let mut message = honest_observation();
-    message.window.as_mut().unwrap().heading.clear();
+    message.window_first_sample = 1;
+    assert_eq!(field(read(message)), ("window_samples".to_owned(), Problem::TooLong { limit: 0, got: 1 }));
+
+    let mut message = honest_observation();
+    message.window_first_sample = 2;
+    let problem = Problem::OutOfRange { index: 2, samples: 1 };
+    assert_eq!(field(read(message)), ("window_first_sample".to_owned(), problem));
+
+    let mut message = honest_observation();
+    message.window = Some(proto::ReferenceLine { x: vec![1.0], ..Default::default() });
     let problem = Problem::UnequalColumns { expected: 1, got: 0 };
-    assert_eq!(field(Observation::try_from(message)), ("window.heading".to_owned(), problem));
+    assert_eq!(field(read(message)), ("window.y".to_owned(), problem));
 
     let mut message = honest_observation();
     message.red_stops = vec![1];
     let problem = Problem::OutOfRange { index: 1, samples: 1 };
-    assert_eq!(field(Observation::try_from(message)), ("red_stops[0]".to_owned(), problem));
+    assert_eq!(field(read(message)), ("red_stops[0]".to_owned(), problem));
 }
 
 #[test]
@@ -363,11 +390,8 @@ fn a_negative_zero_arrives_as_zero_whatever_library_sent_it() {
     let mut seen = |zero: f64| {
         let av = proto::AgentState { x: zero, y: zero, z: zero, heading: zero, velocity_x: zero, ..Default::default() };
         observation.av = Some(av);
-        let line = observation.window.get_or_insert_default();
-        (line.x, line.y, line.z) = (vec![zero], vec![zero], vec![zero]);
-        (line.heading, line.curvature, line.speed_limit) = (vec![zero], vec![zero], vec![zero]);
-        line.crosswalk = vec![false];
-        format!("{:?}", Observation::try_from(observation.clone()).unwrap())
+        observation.window_speed_limit = Some(zero);
+        format!("{:?}", read(observation.clone()).unwrap())
     };
     assert_eq!(seen(-0.0), seen(0.0));
 }

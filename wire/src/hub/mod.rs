@@ -5,13 +5,17 @@
 //! | `mod.rs` | the hub: opening, run settings, queries, what strangers say |
 //! | `nodes.rs` | who sits where, who is refused, the start barrier |
 //! | `seat.rs` | what is said at a seat |
-//! | `line.rs`, `line_error.rs` | one episode: send an observation, wait for its answers; why there is none |
+//! | `line.rs`, `line_error.rs` | one episode: an observation is told, its answers come; why there is none |
+//! | `bus_line.rs` | over the bus |
+//! | `here.rs` | to a planner and a predictor of this process |
 //! | `inbox.rs` | what arrives for a line, and how long it is waited for |
 //! | `tape.rs` | all that happens, for the recorder |
 //!
 //! Nothing here waits without a limit. A process that reads nothing is cut off after a deadline at most, see
 //! [`crate::session::open_router`]; callbacks of the transport never block, an inbox that runs over is an error of its line.
 
+mod bus_line;
+mod here;
 mod inbox;
 mod line;
 mod line_error;
@@ -36,7 +40,9 @@ use zenoh::query::{Query, Queryable};
 use zenoh::sample::{Locality, Sample, SampleKind};
 use zenoh::{Session, Wait};
 
-pub use line::{Cast, EpisodeLine};
+pub use bus_line::{Cast, EpisodeLine};
+pub use here::{HereLine, Minds};
+pub use line::{Answers, Line};
 pub use line_error::LineError;
 pub use nodes::{BarrierError, NodeEvent};
 pub use seat::Seat;
@@ -128,7 +134,7 @@ impl Hub {
             episodes: AtomicU64::new(0),
             notices: AtomicU64::new(0),
             pulse: Pulse::start(),
-            tape: Tape::new(&session, open_floor.clone(), stall),
+            tape: Tape::new(&session, open_floor.clone(), stall)?,
         });
 
         let mut subscribers = Vec::new();
@@ -239,7 +245,15 @@ impl Hub {
     /// # Errors
     /// [`LineError::Busy`] where this worker has an episode on, [`LineError::Bus`] where the session is closed.
     pub fn episode(&self, worker: &Worker, scene: &SceneId, cast: Cast<'_>) -> Result<EpisodeLine, LineError> {
-        EpisodeLine::open(&self.shared, worker, scene, cast)
+        EpisodeLine::open(&self.shared, worker, scene, [Some(cast.planner), cast.predictor, cast.recorder])
+    }
+
+    /// A line without planner or predictor, which tells the recorder and whoever else listens in what [`HereLine`] says.
+    ///
+    /// # Errors
+    /// As [`Hub::episode`].
+    pub fn tape(&self, worker: &Worker, scene: &SceneId, recorder: Option<&Seat>) -> Result<EpisodeLine, LineError> {
+        EpisodeLine::open(&self.shared, worker, scene, [None, None, recorder])
     }
 
     /// Ends the session; nodes leave when they see it.

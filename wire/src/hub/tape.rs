@@ -1,21 +1,24 @@
 //! Tells the recorder, and whoever else listens in, all that happens, from a thread of its own: a listener that reads
-//! nothing makes this thread wait, and not the workers' or the transport's, whom the drives need.
+//! nothing makes this thread wait, and not the workers' or the transport's, whom the drives need. While nobody listens, nothing is told.
 //!
 //! The queue before the thread is bounded in bytes. While it is full, workers wait, so that a slow recorder slows the run
 //! instead of losing messages. A listener that takes nothing at all is cut off by the transport after the stall of
 //! [`crate::session::open_router`], and the queue flows again.
 
 use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use zenoh::Session;
 use zenoh::bytes::ZBytes;
+use zenoh::pubsub::Publisher;
+use zenoh::sample::Locality;
+use zenoh::{Session, Wait};
 
 use super::lock;
 use crate::keys::{Address, Place};
-use crate::session;
+use crate::session::{self, SessionError};
 
 /// Bytes that may wait: some five episodes.
 const QUEUE_BYTES: usize = 64 * 1024 * 1024;
@@ -25,6 +28,11 @@ pub(super) struct Tape {
     queue: Arc<Queue>,
     /// Where it is told: on the open floor and, last, at the recorder's seat.
     places: Arc<Mutex<Vec<Listener>>>,
+    /// Whether there is a recorder's seat, or somebody on the open floor.
+    is_recorded: AtomicBool,
+    is_listened_to: Arc<AtomicBool>,
+    /// Kept because it knows who is on the open floor. Nothing is ever put by it.
+    _floor: Publisher<'static>,
     /// A worker waits so long for room, then its message is left out; the counts at the episode's end tell.
     patience: Duration,
     thread: Option<JoinHandle<()>>,
@@ -52,10 +60,18 @@ struct State {
 }
 
 impl Tape {
-    pub(super) fn new(session: &Session, open_floor: Place, stall: Duration) -> Self {
+    /// # Errors
+    /// [`SessionError`] where the session is closed.
+    pub(super) fn new(session: &Session, open_floor: Place, stall: Duration) -> Result<Self, SessionError> {
+        let is_listened_to = Arc::new(AtomicBool::new(false));
+        let watch = Arc::clone(&is_listened_to);
+        let floor = session.declare_publisher(open_floor.whole_tape()).allowed_destination(Locality::Remote).wait();
+        let floor = floor.map_err(SessionError::bus("declare the tape"))?;
+        let listener = floor.matching_listener().callback(move |now| watch.store(now.matching(), Ordering::Relaxed));
+        listener.background().wait().map_err(SessionError::bus("watch the tape's listeners"))?;
         let queue = Arc::new(Queue::default());
-        let floor = Listener { place: open_floor, cut_off: Arc::new(|| {}) };
-        let places = Arc::new(Mutex::new(vec![floor]));
+        let open = Listener { place: open_floor, cut_off: Arc::new(|| {}) };
+        let places = Arc::new(Mutex::new(vec![open]));
         let (session, far_end, to) = (session.clone(), Arc::clone(&queue), Arc::clone(&places));
         let thread = std::thread::spawn(move || {
             while let Some((address, payload)) = far_end.take() {
@@ -73,13 +89,20 @@ impl Tape {
             }
         });
         // Twice: the stall of one listener must not cost another one a message.
-        Self { queue, places, patience: 2 * stall, thread: Some(thread) }
+        let (patience, is_recorded) = (2 * stall, AtomicBool::new(false));
+        Ok(Self { queue, places, is_recorded, is_listened_to, _floor: floor, patience, thread: Some(thread) })
+    }
+
+    /// Whether anybody hears what is told.
+    pub(super) fn is_heard(&self) -> bool {
+        self.is_recorded.load(Ordering::Relaxed) || self.is_listened_to.load(Ordering::Relaxed)
     }
 
     /// From now on all is told at `recorder` too, and no more at the seat of the recorder before it. `cut_off` is called when it takes
     /// nothing for so long that its connection is given up.
     pub(super) fn tell_also(&self, recorder: Place, cut_off: impl Fn() + Send + Sync + 'static) {
         let mut places = lock(&self.places);
+        self.is_recorded.store(true, Ordering::Relaxed);
         places.truncate(1);
         places.push(Listener { place: recorder, cut_off: Arc::new(cut_off) });
     }

@@ -151,6 +151,12 @@ impl Place {
         format!("{}/{TAPE}/{}/*/{}", self.prefix(), workers.selector(), channel.name())
     }
 
+    /// Selects all that is told to whoever listens in here.
+    #[must_use]
+    pub fn whole_tape(&self) -> String {
+        format!("{}/{TAPE}/**", self.prefix())
+    }
+
     /// Selects the liveliness tokens of the nodes that are here.
     #[must_use]
     pub fn nodes(&self) -> String {

@@ -24,6 +24,9 @@ const RUN_TIMEOUT: Duration = Duration::from_secs(10);
 /// How often it asks for the run's settings meanwhile.
 const INFO_INTERVAL: Duration = Duration::from_millis(20);
 
+/// How long a session may take to close.
+const CLOSING: Duration = Duration::from_millis(500);
+
 /// How a node finds its run. `sim run` gives these to the nodes that it starts, as arguments and in the environment; the secret
 /// in the environment alone.
 #[derive(Clone, Debug, clap::Args)]
@@ -201,7 +204,7 @@ impl Connection {
         Ok(())
     }
 
-    /// Hears what the simulator tells this node of its workers' episodes, in order. `hear` must not block.
+    /// Hears what the simulator tells this node of its workers' episodes, in order. While `hear` works, nothing else is heard.
     pub(super) fn hear_told(&self, hear: impl Fn(Worker, ZBytes) + Send + Sync + 'static) -> Result<(), NodeError> {
         let admitted = Arc::clone(&self.admitted);
         self.listen(self.place.told(&self.options.worker), move |key, payload| {
@@ -244,10 +247,21 @@ impl Connection {
         let token = self.session.liveliness().declare_token(node.key(&self.place)).wait();
         let _token = token.map_err(SessionError::bus("declare the token"))?;
         let result = self.wait(&node, &notices);
-        if let Err(e) = self.session.close().wait() {
-            tracing::debug!("closing the session: {e}");
-        }
+        self.close();
         result
+    }
+
+    /// Closes the session. A planner that is deep in thought holds the transport's thread: it is not waited for, and ends with the process.
+    fn close(self) {
+        let (closed, end) = sync_channel(1);
+        std::thread::spawn(move || {
+            if let Err(e) = self.session.close().wait() {
+                tracing::debug!("closing the session: {e}");
+            }
+            drop(self);
+            let _ = closed.try_send(());
+        });
+        let _ = end.recv_timeout(CLOSING);
     }
 
     fn wait(&self, node: &NodeId, notices: &Receiver<Notice>) -> Result<Stop, NodeError> {

@@ -10,7 +10,7 @@ use world::plan::{Prediction, UncheckedPrediction};
 use world::scene::SceneId;
 
 use super::{History, StepInput};
-use crate::convert::{MessageError, decode};
+use crate::convert::{self, MessageError, decode};
 use crate::envelope::{Saying, Telling};
 use crate::keys::{Channel, Role};
 use crate::{WIRE_VERSION, proto};
@@ -92,18 +92,30 @@ impl Desk {
     }
 
     fn observe(&mut self, number: u64, bytes: &[u8]) -> Option<(Saying, Vec<u8>)> {
-        let observation = match decode::<proto::Observation>(bytes).and_then(Observation::try_from) {
-            Ok(observation) => observation,
-            Err(e) => return Some(self.refuse(0, format!("the observation cannot be read: {e}"))),
+        let unreadable = |e: MessageError| format!("the observation cannot be read: {e}");
+        let message = match decode::<proto::Observation>(bytes) {
+            Ok(message) => message,
+            Err(e) => return Some(self.refuse(0, unreadable(e))),
         };
+        let step = message.step;
         let Some(episode) = self.episode.as_mut().filter(|episode| episode.number == number) else {
-            return Some(self.refuse(observation.step, "its scene never came".to_owned()));
+            return Some(self.refuse(step, "its scene never came".to_owned()));
         };
-        if let Ok((_, history, _)) = &mut episode.mind {
-            history.push(&observation);
+        let (briefing, history, _) = match &mut episode.mind {
+            Ok(mind) => mind,
+            Err(error) => {
+                let error = error.clone();
+                return Some(self.refuse(step, error));
+            }
+        };
+        match convert::observation(message, &briefing.reference_line) {
+            Ok(observation) => {
+                history.push(&observation);
+                episode.observation = Some(observation);
+                self.answer()
+            }
+            Err(e) => Some(self.refuse(step, unreadable(e))),
         }
-        episode.observation = Some(observation);
-        self.answer()
     }
 
     fn predicted(&mut self, bytes: &[u8]) -> Option<(Saying, Vec<u8>)> {
@@ -127,14 +139,7 @@ impl Desk {
         let needs_prediction = self.service.needs_prediction();
         let episode = self.episode.as_mut()?;
         let step = episode.observation.as_ref()?.step;
-        let (briefing, history, mind) = match &mut episode.mind {
-            Ok(mind) => mind,
-            Err(error) => {
-                let error = error.clone();
-                episode.observation = None;
-                return Some(self.refuse(step, error));
-            }
-        };
+        let Ok((briefing, history, mind)) = &mut episode.mind else { return None };
         if needs_prediction && episode.prediction.as_ref().is_none_or(|prediction| prediction.step() != step) {
             return None;
         }
@@ -182,7 +187,7 @@ fn briefing(bytes: &[u8]) -> Result<Briefing, String> {
 }
 
 /// What `work` says, or that it panicked and with which words.
-fn guarded<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+pub(crate) fn guarded<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(format!("it panicked: {}", words(panic.as_ref()))))
 }
 

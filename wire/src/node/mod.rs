@@ -15,14 +15,15 @@ pub(crate) mod desk;
 mod history;
 
 use std::collections::BTreeMap;
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use prost::Message as _;
 use world::observation::{Briefing, Observation};
 use world::plan::{Prediction, UncheckedPlan, UncheckedPrediction};
-use zenoh::Wait;
 use zenoh::bytes::ZBytes;
+use zenoh::pubsub::Publisher;
+use zenoh::{Session, Wait};
 
 pub use connection::{Connection, NodeError, Options, Stop, Voice};
 use desk::{Desk, Mind, Service};
@@ -30,10 +31,9 @@ pub use history::History;
 
 use crate::convert::Message;
 use crate::envelope::{self, Telling};
-use crate::keys::{Role, Worker};
+use crate::keys::{Role, Worker, Workers};
 use crate::proto;
 use crate::session::{self, SessionError};
-use crate::waiting;
 
 /// All that is known at a step.
 #[derive(Clone, Copy, Debug)]
@@ -118,7 +118,7 @@ impl Service for Planners {
 
     fn start(&self, briefing: &Briefing) -> Result<Mind, String> {
         let mut planner = self.0.start(briefing)?;
-        Ok(Box::new(move |step| planner.plan(step).and_then(|plan| encoded(&proto::Plan::from(&plan)))))
+        Ok(Box::new(move |step| planner.plan(step).and_then(|plan| encoded(proto::Plan::from(&plan)))))
     }
 
     fn refusal(&self, step: u32, error: String) -> Vec<u8> {
@@ -139,7 +139,7 @@ impl Service for Predictors {
 
     fn start(&self, briefing: &Briefing) -> Result<Mind, String> {
         let mut predictor = self.0.start(briefing)?;
-        Ok(Box::new(move |step| predictor.predict(step).and_then(|p| encoded(&proto::Prediction::from(&p)))))
+        Ok(Box::new(move |step| predictor.predict(step).and_then(|p| encoded(proto::Prediction::from(&p)))))
     }
 
     fn refusal(&self, step: u32, error: String) -> Vec<u8> {
@@ -147,14 +147,18 @@ impl Service for Predictors {
     }
 }
 
-/// An answer as it travels; not one that the simulator would refuse unread.
-fn encoded<M: Message>(message: &M) -> Result<Vec<u8>, String> {
-    let bytes = message.encode_to_vec();
-    let limit = M::MAX_BYTES;
-    if bytes.len() > limit {
-        return Err(format!("its {} has {} bytes; at most {limit} are taken", M::NAME.to_lowercase(), bytes.len()));
+/// An answer that the simulator would not refuse unread.
+pub(crate) fn bounded<M: Message>(message: M) -> Result<M, String> {
+    let (bytes, limit) = (message.encoded_len(), M::MAX_BYTES);
+    if bytes > limit {
+        return Err(format!("its {} has {bytes} bytes; at most {limit} are taken", M::NAME.to_lowercase()));
     }
-    Ok(bytes)
+    Ok(message)
+}
+
+/// The same as it travels.
+fn encoded<M: Message>(message: M) -> Result<Vec<u8>, String> {
+    bounded(message).map(|message| message.encode_to_vec())
 }
 
 fn serve(options: &Options, service: Arc<dyn Service>) -> Result<Stop, NodeError> {
@@ -164,15 +168,26 @@ fn serve(options: &Options, service: Arc<dyn Service>) -> Result<Stop, NodeError
         return Err(NodeError::NoPredictor { run: options.run.clone() });
     }
     let role = service.role();
-    let desks = Desks { voice: connection.voice(), service, queues: Mutex::default() };
-    connection.hear_told(move |worker, payload| desks.hand(worker, payload))?;
+    let voice = connection.voice();
+    match &options.worker {
+        Workers::One(worker) => {
+            let desk = Mutex::new(Attended::new(worker, voice, service)?);
+            connection.hear_told(move |_, payload| {
+                desk.lock().unwrap_or_else(PoisonError::into_inner).attend(&payload);
+            })?;
+        }
+        Workers::All => {
+            let desks = Desks { voice, service, queues: Mutex::default() };
+            connection.hear_told(move |worker, payload| desks.hand(worker, payload))?;
+        }
+    }
     connection.serve(role)
 }
 
 /// Messages that may wait for a worker's thread. An honest simulator sends an observation and waits for the answer.
 const QUEUE: usize = 256;
 
-/// The threads of the workers that this node serves.
+/// The threads of the workers that a node serves which serves all.
 struct Desks {
     voice: Voice,
     service: Arc<dyn Service>,
@@ -191,35 +206,60 @@ impl Desks {
     }
 
     fn start_thread(&self, worker: Worker) -> SyncSender<ZBytes> {
-        let (sender, receiver) = sync_channel(QUEUE);
-        let (voice, desk) = (self.voice.clone(), Desk::new(Arc::clone(&self.service)));
-        std::thread::spawn(move || attend(&worker, &voice, desk, &receiver));
+        let (sender, receiver) = sync_channel::<ZBytes>(QUEUE);
+        let (voice, service) = (self.voice.clone(), Arc::clone(&self.service));
+        std::thread::spawn(move || match Attended::new(&worker, voice, service) {
+            Ok(mut desk) => receiver.iter().for_each(|payload| desk.attend(&payload)),
+            Err(e) => tracing::error!("worker {worker} is not served: {e}"),
+        });
         sender
     }
 }
 
-/// A worker's thread.
-fn attend(worker: &Worker, voice: &Voice, mut desk: Desk, messages: &Receiver<ZBytes>) {
-    let key = voice.key(worker, desk.channel());
-    let publisher = match session::publisher(voice.session(), key) {
-        Ok(publisher) => publisher,
-        Err(e) => return tracing::error!("worker {worker} is not served: {e}"),
-    };
-    while let Some(payload) = waiting::receive(messages, None) {
+/// An answer up to this size fits the transport's queue whole.
+const AT_ONCE: usize = 256 * 1024;
+
+/// A worker's desk, and where its answers go.
+struct Attended {
+    desk: Desk,
+    worker: Worker,
+    session: Session,
+    publisher: Publisher<'static>,
+}
+
+impl Attended {
+    fn new(worker: &Worker, voice: Voice, service: Arc<dyn Service>) -> Result<Self, SessionError> {
+        let desk = Desk::new(service);
+        let publisher = session::publisher(voice.session(), voice.key(worker, desk.channel()))?;
+        Ok(Self { desk, worker: worker.clone(), session: voice.session().clone(), publisher })
+    }
+
+    /// Takes in what the simulator tells, and answers where an answer is due.
+    ///
+    /// A node of one worker does so in the transport's own thread: to wake another, and that to wake the transport's, takes longer than
+    /// many a plan. What would wait there for room in the transport's queue, which this very thread empties, is sent by another one.
+    fn attend(&mut self, payload: &ZBytes) {
         let told = payload.to_bytes();
         let (episode, telling, message) = match envelope::open::<Telling>(&told) {
             Ok(told) => told,
-            Err(e) => {
-                tracing::error!("worker {worker}: {e}");
-                continue;
-            }
+            Err(e) => return tracing::error!("worker {}: {e}", self.worker),
         };
-        let Some((saying, answer)) = desk.take(episode, telling, message) else { continue };
-        match publisher.put(envelope::seal(episode, saying, answer.into())).wait() {
-            Ok(()) => {}
-            // Closed by this process itself: nobody waits for the answer.
-            Err(_) if voice.session().is_closed() => return,
-            Err(e) => tracing::error!("an answer is lost: {}", SessionError::bus("send")(e)),
+        let Some((saying, answer)) = self.desk.take(episode, telling, message) else { return };
+        let is_large = answer.len() > AT_ONCE;
+        let answer = envelope::seal(episode, saying, answer.into());
+        if is_large {
+            let (session, key) = (self.session.clone(), self.publisher.key_expr().to_string());
+            std::thread::spawn(move || said(&session, session::send(&session, &key, answer)));
+        } else {
+            said(&self.session, self.publisher.put(answer).wait().map_err(SessionError::bus("send")));
         }
+    }
+}
+
+fn said(session: &Session, answer: Result<(), SessionError>) {
+    match answer {
+        // Closed by this process itself: nobody waits for the answer.
+        Err(e) if !session.is_closed() => tracing::error!("an answer is lost: {e}"),
+        _ => {}
     }
 }

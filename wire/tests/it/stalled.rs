@@ -4,13 +4,13 @@ use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use wire::hub::{Cast, Hub, HubSettings, NodeEvent, Seat};
+use wire::hub::{Cast, Hub, HubSettings, Line, NodeEvent, Seat};
 use wire::keys::{Channel, Role, Secret, Worker, Workers};
 use wire::node::{Connection, Options, Planner, PlannerFactory, StepInput, serve_planner};
-use world::observation::{Briefing, Observation};
+use world::observation::{Briefing, Observation, ObservedAgent};
 use world::plan::{PLAN_STEPS, PlanState, UncheckedPlan};
-use world::reference_line::{ReferenceLine, ReferenceWindow};
-use world::scene::{AgentState, SceneId};
+use world::reference_line::ReferenceWindow;
+use world::scene::{AgentKind, AgentState, SceneId, TrackId};
 
 const DEADLINE: Duration = Duration::from_secs(4);
 const STEPS: u32 = 600;
@@ -62,27 +62,21 @@ impl Drop for Listener {
     }
 }
 
+/// Large, so that what waits for the listener runs over.
 fn observation(step: u32) -> Observation {
-    let column = vec![1.5; 1200];
+    let state = AgentState { x: 1.5, y: 1.5, length: 4.5, width: 2.0, heading: 0.3, ..AgentState::default() };
+    let agent = |track| ObservedAgent { track: TrackId(track), kind: AgentKind::Vehicle, state, unseen: 0 };
     Observation {
         step,
         log_index: 19 + step,
         av: AgentState::default(),
         control: Default::default(),
-        agents: vec![],
+        agents: (0..1_000).map(agent).collect(),
         signals: vec![],
         window: ReferenceWindow {
-            line: Arc::new(ReferenceLine {
-                x: column.clone(),
-                y: column.clone(),
-                z: column.clone(),
-                heading: column.clone(),
-                curvature: column.clone(),
-                speed_limit: column,
-                crosswalk: vec![false; 1200],
-            }),
+            line: Arc::default(),
             start: 0,
-            samples: 1200,
+            samples: 0,
             first_sample: 0,
             red_stops: vec![],
             speed_limit: None,

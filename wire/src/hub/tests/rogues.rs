@@ -64,7 +64,7 @@ fn a_node_of_another_version_is_refused_with_both_versions_named() {
     let seat = planner_seat(&hub);
     let _rogue = Rogue::new(&hub, &seat, 99);
     let error = hub.wait_for_nodes(&[&seat], DEADLINE, &|| false).unwrap_err();
-    let named = "planner rogue (worker *) speaks version 99 of the messages, this simulator version 2";
+    let named = "planner rogue (worker *) speaks version 99 of the messages, this simulator version 3";
     assert!(error.to_string().starts_with(named), "{error}");
 }
 

@@ -1,10 +1,9 @@
-//! The driver that is a planner, perhaps with a predictor, on the bus.
+//! The driver that is a planner, perhaps with a predictor, at the end of a line: on the bus, or in this process.
 
 use std::sync::Arc;
 use std::time::Duration;
 
-use wire::hub::{Cast, EpisodeLine, Hub, LineError};
-use wire::keys::Worker;
+use wire::hub::{Line, LineError};
 use wire::proto::{AgentState, EpisodeEnd, Event, StepRecord};
 use world::observation::{Briefing, Observation};
 use world::plan::{Plan, Prediction};
@@ -13,8 +12,8 @@ use world::scene::{Scene, Track};
 use super::drive::Driver;
 
 /// One episode's driver.
-pub struct BusDriver {
-    line: EpisodeLine,
+pub struct LineDriver {
+    line: Box<dyn Line>,
     scene: Arc<Scene>,
     /// Plans that are driven in place of the planner's, from step 0 on; most often none.
     lead: Vec<Plan>,
@@ -30,22 +29,11 @@ pub struct BusDriver {
     pub recorder_is_frozen: bool,
 }
 
-impl BusDriver {
-    /// The driver of `scene` at a worker.
-    ///
-    /// # Errors
-    /// Why the bus has no line for it, as a sentence.
-    pub fn new(
-        hub: &Hub,
-        worker: &Worker,
-        scene: &Arc<Scene>,
-        cast: Cast<'_>,
-        deadline: Duration,
-        closing: Duration,
-    ) -> Result<Self, String> {
-        let line = hub.episode(worker, scene.id(), cast).map_err(|error| error.to_string())?;
-        let recorder = cast.recorder.map(|_| closing);
-        Ok(Self {
+impl LineDriver {
+    /// The driver of `scene` at the end of `line`. `recorder` is how long the recorder may take to close the recording, if there is one.
+    #[must_use]
+    pub fn new(line: Box<dyn Line>, scene: &Arc<Scene>, deadline: Duration, recorder: Option<Duration>) -> Self {
+        Self {
             line,
             scene: Arc::clone(scene),
             lead: Vec::new(),
@@ -54,7 +42,7 @@ impl BusDriver {
             dismissed: false,
             prediction: None,
             recorder_is_frozen: false,
-        })
+        }
     }
 
     /// Has these plans driven before the planner's own. It is asked at their steps too, and must answer.
@@ -63,7 +51,7 @@ impl BusDriver {
     }
 }
 
-impl Driver for BusDriver {
+impl Driver for LineDriver {
     fn brief(&mut self, briefing: &Briefing) -> Result<(), String> {
         self.line.announce(briefing).map_err(|error| error.to_string())
     }

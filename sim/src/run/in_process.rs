@@ -1,0 +1,101 @@
+//! Drivers of ours in this process: the planner and the predictor that nodes would serve, made by the same arguments.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use clap::Parser;
+use predictor_node::PredictorError;
+use results::settings::{Machine, Node, Planner, Settings};
+use scenarios::{Logs, SetError};
+use thiserror::Error;
+use wire::hub::Minds;
+use world::scene::{Scene, SceneId};
+
+/// A driver that cannot be in this process.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum InProcessError {
+    #[error(
+        "--in-process drives with planners of reloop, and this one is a process of yours\nhint: leave --in-process out"
+    )]
+    NotOurs,
+    #[error("{node} does not take these arguments: {error}")]
+    Arguments { node: &'static str, error: clap::Error },
+    #[error(transparent)]
+    Scenes(#[from] SetError),
+    #[error(transparent)]
+    Predictor(#[from] PredictorError),
+}
+
+#[derive(Parser)]
+struct PlannerLine {
+    #[command(flatten)]
+    choice: planner_node::Choice,
+    #[command(flatten)]
+    gauss_newton: planner_node::GaussNewtonOptions,
+}
+
+#[derive(Parser)]
+struct PredictorLine {
+    #[command(flatten)]
+    choice: predictor_node::Choice,
+}
+
+/// Who drives by these settings. Who reads the log finds it in `logs`.
+///
+/// # Errors
+/// [`InProcessError`].
+pub fn minds(settings: &Settings, machine: &Machine, logs: &Arc<DrivenLogs>) -> Result<Minds, InProcessError> {
+    let Planner::Node(planner) = &settings.planner else { return Err(InProcessError::NotOurs) };
+    let logs = || Some(Arc::clone(logs) as Arc<dyn Logs>);
+    let line = parsed::<PlannerLine>("planner-node", "--planner", planner, machine)?;
+    let planner = line.choice.factory(&line.gauss_newton, logs())?;
+    let predictor = settings.predictor.as_ref().map(|node| -> Result<_, InProcessError> {
+        let line = parsed::<PredictorLine>("predictor-node", "--predictor", node, machine)?;
+        Ok(line.choice.factory(logs())?)
+    });
+    Ok(Minds { planner, predictor: predictor.transpose()? })
+}
+
+fn parsed<L: Parser>(program: &'static str, which: &str, node: &Node, machine: &Machine) -> Result<L, InProcessError> {
+    let weights = machine.weights.iter().filter(|_| node.weights_sha256.is_some());
+    let weights = weights.flat_map(|path| ["--weights", path]);
+    let line = [program, which, &node.name].into_iter().chain(node.options.iter().map(String::as_str)).chain(weights);
+    L::try_parse_from(line).map_err(|error| InProcessError::Arguments { node: program, error })
+}
+
+/// The logs of the scenes that are driven now, for who reads them: no scene is read twice.
+#[derive(Debug, Default)]
+pub struct DrivenLogs(Mutex<BTreeMap<SceneId, Arc<Scene>>>);
+
+/// While it lives, a scene's log can be read.
+pub struct Open<'a> {
+    logs: &'a DrivenLogs,
+    scene: SceneId,
+}
+
+impl DrivenLogs {
+    /// Lets the log of `scene` be read.
+    #[must_use]
+    pub fn open(&self, scene: &Arc<Scene>) -> Open<'_> {
+        self.scenes().insert(scene.id().clone(), Arc::clone(scene));
+        Open { logs: self, scene: scene.id().clone() }
+    }
+
+    /// A poisoned lock is taken all the same: the map is whole between any two statements.
+    fn scenes(&self) -> MutexGuard<'_, BTreeMap<SceneId, Arc<Scene>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Open<'_> {
+    fn drop(&mut self) {
+        self.logs.scenes().remove(&self.scene);
+    }
+}
+
+impl Logs for DrivenLogs {
+    fn scene(&self, id: &SceneId) -> Result<Arc<Scene>, String> {
+        self.scenes().get(id).cloned().ok_or_else(|| format!("scene {id} is not driven now"))
+    }
+}
