@@ -46,7 +46,10 @@ pub fn plan(bytes: &[u8]) {
 
 /// Any bytes as a `Prediction`: see `message`; and the check that follows takes it or refuses it.
 pub fn prediction(bytes: &[u8]) {
-    if let Some(prediction) = message::<proto::Prediction, UncheckedPrediction>(bytes) {
+    let usual = message::<proto::Prediction, UncheckedPrediction>(bytes);
+    // As text, because NaN differs from itself.
+    assert_eq!(format!("{:?}", convert::prediction(bytes).ok()), format!("{usual:?}"), "it depends on how it is read");
+    if let Some(prediction) = usual {
         let step = prediction.step;
         let _ = prediction.check(step);
     }

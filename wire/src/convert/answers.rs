@@ -12,7 +12,7 @@ use super::{Checked, Message, MessageError, bounded, each, finite, same_length, 
 use crate::proto;
 
 /// Futures, terms of an objective, weights.
-const MAX_ENTRIES: usize = 1_000;
+pub(super) const MAX_ENTRIES: usize = 1_000;
 /// Bytes of a name or a status.
 const MAX_TEXT: usize = 1_000;
 /// Of an error's text, as much is passed on.
@@ -153,7 +153,7 @@ fn trajectory(message: proto::PredictedTrajectory) -> Checked<PredictedTrajector
     })
 }
 
-fn refuse(error: &str) -> Result<(), MessageError> {
+pub(super) fn refuse(error: &str) -> Result<(), MessageError> {
     let told: String = error.chars().take(MAX_ERROR_CHARS).collect();
     if error.is_empty() { Ok(()) } else { Err(MessageError::Refused(shown(&told))) }
 }

@@ -8,16 +8,19 @@
 //! | `scene` | the briefing (message `Scene`) and the reference line |
 //! | `observation` | observations |
 //! | `answers` | plans and predictions |
+//! | `packed` | predictions, read fast |
 
 mod agents;
 mod answers;
 mod map;
 mod observation;
+mod packed;
 mod scene;
 #[cfg(test)]
 mod tests;
 
 pub use observation::{by_number, observation};
+pub use packed::prediction;
 pub use scene::reference_line;
 use thiserror::Error;
 

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use prost::Message as _;
 use world::observation::{Briefing, Observation};
-use world::plan::{Plan, UncheckedPlan, UncheckedPrediction};
+use world::plan::{Plan, UncheckedPlan};
 use world::scene::SceneId;
 use zenoh::Wait;
 use zenoh::bytes::ZBytes;
@@ -18,7 +18,7 @@ use super::line::{Answers, Line, counted};
 use super::line_error::LineError;
 use super::seat::{Inner, Seat};
 use super::{Shared, lock};
-use crate::convert::{Message, MessageError, decode, shown};
+use crate::convert::{self, Message, MessageError, decode, shown};
 use crate::digest::Digest;
 use crate::envelope::{self, Saying, Telling};
 use crate::keys::{Address, Channel, NodeId, Place, Role, Worker};
@@ -171,13 +171,19 @@ impl EpisodeLine {
                     plan = Some(UncheckedPlan::try_from(message).map_err(LineError::bad(role))?);
                 }
                 Some((Saying::Prediction, bytes)) if role == Role::Predictor && prediction.is_none() => {
-                    let message = taken::<proto::Prediction>(role, bytes)?;
+                    let read = match convert::prediction(bytes) {
+                        // What is none at all is passed on to nobody.
+                        Err(error @ (MessageError::Malformed { .. } | MessageError::TooBig { .. })) => {
+                            return Err(LineError::BadAnswer { role, error });
+                        }
+                        read => read.map_err(LineError::bad(role)),
+                    };
                     let payload = ZBytes::from(bytes);
                     told.push((Channel::Prediction, payload.clone()));
                     // First on to who waits for it.
                     self.tell_node(Role::Planner, Telling::Observation, observation)?;
                     self.tell_node(Role::Planner, Telling::Prediction, &payload)?;
-                    prediction = Some(UncheckedPrediction::try_from(message).map_err(LineError::bad(role))?);
+                    prediction = Some(read?);
                 }
                 Some((saying, _)) => return Err(LineError::surplus(role, saying)),
             }

@@ -120,8 +120,7 @@ impl Desk {
 
     fn predicted(&mut self, bytes: &[u8]) -> Option<(Saying, Vec<u8>)> {
         let episode = self.episode.as_mut()?;
-        let prediction = decode::<proto::Prediction>(bytes).and_then(UncheckedPrediction::try_from);
-        match prediction.map_err(|e| e.to_string()).and_then(checked) {
+        match convert::prediction(bytes).map_err(|e| e.to_string()).and_then(checked) {
             Ok(prediction) => {
                 episode.prediction = Some(prediction);
                 self.answer()
