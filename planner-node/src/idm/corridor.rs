@@ -1,13 +1,21 @@
-//! The reference line ahead as stations, and where things lie beside it.
+//! The stretch of the reference line around the AV as stations, and where things lie beside it.
+
+use std::sync::Arc;
 
 use world::geometry::{OrientedBox, Point, angle_difference};
 use world::reference_line::{ReferenceLine, ReferenceWindow, SAMPLES_BEHIND};
+use world::scene::AgentState;
+
+use super::measured_line::MeasuredLine;
 
 /// Curvature is averaged over so many metres to either side: the line's own has kinks.
 const CURVATURE_WINDOW: f64 = 1.5;
 
 /// Samples between those that a search looks at first (about 1 m).
 const COARSE: usize = 10;
+
+/// How far [`Corridor::project`] looks from its hint, in samples to either side (4 m).
+const NEAR: usize = 4 * COARSE;
 
 /// Samples farther apart than these (20 m) may be of different passes of one place.
 const PASS: usize = 200;
@@ -18,18 +26,15 @@ const OTHER_PASS: f64 = 2.0;
 /// Farther from where its window says that the AV is (m) it is looked for in all of it.
 const ASTRAY: f64 = 5.0;
 
-/// The window of the reference line, with the distance along it.
-pub struct Corridor<'a> {
-    window: &'a ReferenceWindow,
-    line: &'a ReferenceLine,
+/// A window of the reference line, with the distance along it. Samples count from the window's first.
+pub struct Corridor {
+    whole: MeasuredLine,
+    /// Number of the window's first sample in the whole line.
+    first_sample: usize,
     /// Distance of each sample from the window's first (m).
     stations: Vec<f64>,
     /// Curvature of each sample (1/m), averaged.
     curvature: Vec<f64>,
-    /// Samples at which a red light's stop point lies.
-    pub red_stops: &'a [u32],
-    /// Number of the window's first sample in the whole line.
-    pub first_sample: usize,
 }
 
 /// Where a point lies beside the line.
@@ -46,8 +51,6 @@ pub struct Place {
 /// The stretch of the corridor that a box takes.
 #[derive(Clone, Copy, Debug)]
 pub struct Footprint {
-    /// Nearest sample to its centre.
-    pub sample: usize,
     /// First and last station (m).
     pub stations: (f64, f64),
     /// Rightmost and leftmost offset from the line (m).
@@ -58,39 +61,61 @@ impl Footprint {
     /// The same, so many metres further along and to the left.
     pub fn moved(&self, along: f64, left: f64) -> Self {
         Self {
-            sample: self.sample,
             stations: (self.stations.0 + along, self.stations.1 + along),
             laterals: (self.laterals.0 + left, self.laterals.1 + left),
         }
     }
 }
 
-impl<'a> Corridor<'a> {
-    /// The corridor of a window; `None` where it has less than two samples.
-    pub fn new(window: &'a ReferenceWindow) -> Option<Self> {
-        let line = window.line.as_ref();
-        let samples = window.samples.min(line.x.len().saturating_sub(window.start));
+impl Corridor {
+    /// The corridor of a line, around nobody yet.
+    pub fn new(line: &Arc<ReferenceLine>) -> Self {
+        Self { whole: MeasuredLine::new(line), first_sample: 0, stations: Vec::new(), curvature: Vec::new() }
+    }
+
+    /// Moves it to a window of its line; `None` where that has less than two samples.
+    pub fn move_to(&mut self, window: &ReferenceWindow) -> Option<()> {
+        let told = window.samples.min(window.line.len().saturating_sub(window.start));
+        let samples = told.min(self.whole.line.len().saturating_sub(window.first_sample));
         if samples < 2 {
             return None;
         }
-        let mut stations = Vec::with_capacity(samples);
-        let mut station = 0.0;
-        for i in window.start..window.start + samples {
-            if i > window.start {
-                station += point(line, i).distance(point(line, i - 1));
-            }
-            stations.push(station);
+        if (self.first_sample, self.len()) == (window.first_sample, samples) {
+            return Some(()); // the AV stands
         }
-        let mut corridor = Self {
-            window,
-            line,
-            stations,
-            curvature: Vec::new(),
-            red_stops: &window.red_stops,
-            first_sample: window.first_sample,
-        };
-        corridor.curvature = (0..samples).map(|i| corridor.mean_curvature(i)).collect();
-        Some(corridor)
+        self.first_sample = window.first_sample;
+        self.stations.clear();
+        let mut station = 0.0;
+        let steps = &self.whole.steps[self.first_sample..][..samples];
+        self.stations.extend(steps.iter().enumerate().map(|(sample, step)| {
+            station += if sample == 0 { 0.0 } else { *step };
+            station
+        }));
+        self.measure_curvature();
+        Some(())
+    }
+
+    /// The turn rate of the line's own heading around each sample, from headings 1.5 m before and after: the column of
+    /// curvatures comes from second derivatives of a spline and jumps at its knots.
+    fn measure_curvature(&mut self) {
+        let (stations, heading) = (&self.stations, &self.whole.line.heading[self.first_sample..]);
+        let (mut from, mut to) = (0, 0);
+        self.curvature.clear();
+        self.curvature.extend(stations.iter().map(|station| {
+            while stations[from] < station - CURVATURE_WINDOW {
+                from += 1;
+            }
+            while to + 1 < stations.len() && stations[to] < station + CURVATURE_WINDOW {
+                to += 1;
+            }
+            let length = stations[to] - stations[from];
+            if length <= 0.0 { 0.0 } else { angle_difference(heading[from], heading[to]) / length }
+        }));
+    }
+
+    /// Whether this is the corridor of `line`.
+    pub fn is_of(&self, line: &Arc<ReferenceLine>) -> bool {
+        Arc::ptr_eq(&self.whole.line, line)
     }
 
     /// Number of samples.
@@ -98,59 +123,65 @@ impl<'a> Corridor<'a> {
         self.stations.len()
     }
 
+    /// Whether the line ends with the window.
+    pub fn reaches_the_end(&self) -> bool {
+        self.first_sample + self.len() >= self.whole.line.len()
+    }
+
+    /// Distance of each sample along the line (m).
+    pub fn stations(&self) -> &[f64] {
+        &self.stations
+    }
+
+    /// Curvature at each sample (1/m), averaged over three metres.
+    pub fn curvatures(&self) -> &[f64] {
+        &self.curvature
+    }
+
     /// Distance of `sample` along the line (m).
     pub fn station(&self, sample: usize) -> f64 {
-        self.stations[sample.min(self.len() - 1)]
+        self.stations[self.inside(sample)]
     }
 
     /// Curvature at `sample` (1/m), averaged over three metres.
     pub fn curvature(&self, sample: usize) -> f64 {
-        self.curvature[sample.min(self.len() - 1)]
+        self.curvature[self.inside(sample)]
     }
 
     /// Heading at `sample` (rad).
     pub fn heading(&self, sample: usize) -> f64 {
-        self.line.heading[self.window.start + sample.min(self.len() - 1)]
+        self.whole.line.heading[self.first_sample + self.inside(sample)]
     }
 
-    /// Speed limit at `sample` (m/s); 0 where it is not known.
-    pub fn speed_limit(&self, sample: usize) -> f64 {
-        self.window.speed_limit_at(self.window.start + sample.min(self.len() - 1))
+    /// Unit vector along the line at `sample`.
+    pub fn direction(&self, sample: usize) -> Point {
+        self.whole.directions[self.first_sample + self.inside(sample)]
     }
 
     /// Height of the ground at `sample` (m).
     pub fn height(&self, sample: usize) -> f64 {
-        self.line.z[self.window.start + sample.min(self.len() - 1)]
+        self.whole.line.z[self.first_sample + self.inside(sample)]
+    }
+
+    fn inside(&self, sample: usize) -> usize {
+        sample.min(self.len() - 1)
     }
 
     /// First sample at or after `station` (m); the last one past the end.
     pub fn sample_at(&self, station: f64) -> usize {
-        self.stations.partition_point(|s| *s < station).min(self.len() - 1)
-    }
-
-    /// The turn rate of the line's own heading around `sample`, from headings 1.5 m before and after: the column of
-    /// curvatures comes from second derivatives of a spline and jumps at its knots.
-    fn mean_curvature(&self, sample: usize) -> f64 {
-        let from = self.sample_at(self.stations[sample] - CURVATURE_WINDOW);
-        let to = self.sample_at(self.stations[sample] + CURVATURE_WINDOW);
-        let length = self.stations[to] - self.stations[from];
-        if length <= 0.0 {
-            return 0.0;
-        }
-        angle_difference(self.heading(from), self.heading(to)) / length
-    }
-
-    fn at(&self, sample: usize) -> Point {
-        point(self.line, self.window.start + sample)
+        self.inside(self.stations.partition_point(|s| *s < station))
     }
 
     /// The sample nearest to the AV. A window begins [`SAMPLES_BEHIND`] before the AV or where the line does: so it is known of
     /// which pass the AV is, where the line passes a place more than once.
     pub fn own(&self, av: Point) -> usize {
         let first = if self.first_sample > 0 { SAMPLES_BEHIND - 2 * COARSE } else { 0 };
-        let own = self.nearest_in(first.min(self.len() - 1), SAMPLES_BEHIND + 2 * COARSE, av);
-        let nearest = self.nearest(av);
+        let own = self.nearest_in(self.inside(first), SAMPLES_BEHIND + 2 * COARSE, av);
         let distance = |sample: usize| self.distance(sample, av).sqrt();
+        if distance(own) <= ASTRAY {
+            return own;
+        }
+        let nearest = self.nearest(av);
         if distance(own) > distance(nearest) + ASTRAY { nearest } else { own }
     }
 
@@ -158,9 +189,10 @@ impl<'a> Corridor<'a> {
     /// sample `own`.
     pub fn nearest_pass(&self, place: Point, own: usize) -> usize {
         let best = self.nearest(place);
-        let reach = self.distance(best, place).sqrt() + OTHER_PASS;
         let along = |sample: usize| sample.abs_diff(own);
-        let other = (0..self.len()).step_by(COARSE).filter(|sample| {
+        let nearer = own.saturating_sub(along(best))..(own + along(best)).min(self.len());
+        let reach = self.distance(best, place).sqrt() + OTHER_PASS;
+        let other = (nearer.start.next_multiple_of(COARSE)..nearer.end).step_by(COARSE).filter(|sample| {
             sample.abs_diff(best) > PASS
                 && along(*sample) < along(best)
                 && self.distance(*sample, place) <= reach * reach
@@ -181,47 +213,70 @@ impl<'a> Corridor<'a> {
 
     /// The sample of the whole window nearest to `place`.
     fn nearest(&self, place: Point) -> usize {
-        let coarse = (0..self.len()).step_by(COARSE);
-        let near = coarse.min_by(|a, b| self.distance(*a, place).total_cmp(&self.distance(*b, place))).unwrap_or(0);
+        let near = self.first_of_nearest((0..self.len()).step_by(COARSE), place);
         self.nearest_in(near.saturating_sub(COARSE), near + COARSE, place)
     }
 
     fn nearest_in(&self, from: usize, to: usize, place: Point) -> usize {
-        let samples = from..=to.min(self.len() - 1);
-        samples.min_by(|a, b| self.distance(*a, place).total_cmp(&self.distance(*b, place))).unwrap_or(from)
+        self.first_of_nearest(from..self.inside(to) + 1, place)
+    }
+
+    fn first_of_nearest(&self, samples: impl Iterator<Item = usize>, place: Point) -> usize {
+        let mut best = (f64::INFINITY, 0);
+        for sample in samples {
+            let distance = self.distance(sample, place);
+            if distance < best.0 {
+                best = (distance, sample);
+            }
+        }
+        best.1
     }
 
     fn distance(&self, sample: usize, place: Point) -> f64 {
-        self.at(sample).distance_squared(place)
+        self.whole.line.point(self.first_sample + sample).distance_squared(place)
     }
 
     /// Where `place` lies, looked for near the sample `hint` (4 m to either side).
     pub fn project(&self, place: Point, hint: usize) -> Place {
-        let sample = self.nearest_in(hint.saturating_sub(4 * COARSE), hint + 4 * COARSE, place);
-        let forward = Point::unit(self.heading(sample));
-        let offset = place - self.at(sample);
+        self.place(self.nearest_in(hint.saturating_sub(NEAR), hint + NEAR, place), place)
+    }
+
+    /// Where `place` lies as told by a sample.
+    fn place(&self, sample: usize, place: Point) -> Place {
+        let forward = self.direction(sample);
+        let offset = place - self.whole.line.point(self.first_sample + sample);
         Place { sample, station: self.station(sample) + forward.dot(offset), lateral: forward.cross(offset) }
     }
 
-    /// The stretch that `body` takes, of the pass nearest along the line to the AV's sample `own`.
-    pub fn footprint(&self, body: &OrientedBox, own: usize) -> Footprint {
-        let sample = self.nearest_pass(body.center, own);
+    /// The stretch that `body` takes, whose centre lies at `sample`.
+    pub fn footprint(&self, body: &OrientedBox, sample: usize) -> Footprint {
         let mut stations = (f64::INFINITY, f64::NEG_INFINITY);
         let mut laterals = stations;
+        let reach = corner_reach(body.radius());
         for corner in body.corners() {
-            // A corner may lie some metres further along than the centre, where the line has turned.
-            let reach = COARSE * (1 + body.radius() as usize);
             let nearest = self.nearest_in(sample.saturating_sub(reach), sample + reach, corner);
             let place = self.project(corner, nearest);
             stations = (stations.0.min(place.station), stations.1.max(place.station));
             laterals = (laterals.0.min(place.lateral), laterals.1.max(place.lateral));
         }
-        Footprint { sample, stations, laterals }
+        Footprint { stations, laterals }
+    }
+
+    /// Whether the footprint of whoever's centre lies at `sample` is surely all on one side, farther from the line than `reach` (m).
+    pub fn is_beside(&self, state: &AgentState, sample: usize, reach: f64) -> bool {
+        let radius = 0.5 * (state.length * state.length + state.width * state.width).sqrt();
+        let around = corner_reach(radius) + NEAR + COARSE;
+        let (from, to) = (sample.saturating_sub(around), self.inside(sample + around));
+        let (least, greatest) =
+            self.whole.laterals(state.position(), radius, self.first_sample + from, self.first_sample + to);
+        least > reach || greatest < -reach
     }
 }
 
-fn point(line: &ReferenceLine, sample: usize) -> Point {
-    Point::new(line.x[sample], line.y[sample])
+/// How far along the line from its centre the corners of a box of this radius (m) are looked for, in samples: some metres further
+/// where the line has turned.
+fn corner_reach(radius: f64) -> usize {
+    COARSE * (1 + radius as usize)
 }
 
 #[cfg(test)]
@@ -265,12 +320,18 @@ mod tests {
         }
     }
 
+    fn corridor(window: &ReferenceWindow) -> Corridor {
+        let mut corridor = Corridor::new(&window.line);
+        corridor.move_to(window).unwrap();
+        corridor
+    }
+
     #[test]
     fn in_the_second_round_the_av_is_in_the_second_round() {
         let line = rounds(0.0);
         for at in [0, 60, 199, 200, 300, ROUND, ROUND + 300, 2 * ROUND - 1, 2 * ROUND + 200] {
             let window = window(&line, at);
-            let corridor = Corridor::new(&window).unwrap();
+            let corridor = corridor(&window);
             assert_eq!(window.start + corridor.own(line.point(at)), at);
             // Beside the line as well.
             assert_eq!(window.start + corridor.own(line.point(at) * 1.2), at);
@@ -281,7 +342,7 @@ mod tests {
     fn an_av_that_is_not_where_its_window_says_is_looked_for_in_all_of_it() {
         let line = rounds(0.0);
         let window = window(&line, 300);
-        let corridor = Corridor::new(&window).unwrap();
+        let corridor = corridor(&window);
         let astray = 300 + ROUND / 2;
         assert_eq!(window.start + corridor.own(line.point(astray)), astray);
     }
@@ -291,7 +352,7 @@ mod tests {
         for (wider, at) in [(0.0, 300), (0.0, ROUND + 300), (1.5, 300), (1.5, ROUND - 300)] {
             let line = rounds(wider);
             let window = window(&line, at);
-            let corridor = Corridor::new(&window).unwrap();
+            let corridor = corridor(&window);
             let own = corridor.own(line.point(at));
             for along in [-120_isize, -30, 0, 40, 200, 400] {
                 // A metre and a half farther out it is a little nearer to the next round, or just as near.
@@ -309,7 +370,7 @@ mod tests {
     fn who_is_clearly_nearer_to_the_next_round_is_in_it() {
         let line = rounds(4.0);
         let window = window(&line, 300);
-        let corridor = Corridor::new(&window).unwrap();
+        let corridor = corridor(&window);
         let found = window.start + corridor.nearest_pass(line.point(ROUND + 350), corridor.own(line.point(300)));
         assert_eq!(found, ROUND + 350);
     }
