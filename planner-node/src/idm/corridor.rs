@@ -1,5 +1,6 @@
 //! The stretch of the reference line around the AV as stations, and where things lie beside it.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use world::geometry::{OrientedBox, Point, angle_difference};
@@ -10,6 +11,9 @@ use super::measured_line::MeasuredLine;
 
 /// Curvature is averaged over so many metres to either side: the line's own has kinks.
 const CURVATURE_WINDOW: f64 = 1.5;
+
+/// As many samples.
+const CURVATURE_SAMPLES: usize = 15;
 
 /// Samples between those that a search looks at first (about 1 m).
 const COARSE: usize = 10;
@@ -33,8 +37,9 @@ pub struct Corridor {
     first_sample: usize,
     /// Distance of each sample from the window's first (m).
     stations: Vec<f64>,
-    /// Curvature of each sample (1/m), averaged.
-    curvature: Vec<f64>,
+    /// Where every [`COARSE`]th sample lies.
+    coarse_x: Vec<f64>,
+    coarse_y: Vec<f64>,
 }
 
 /// Where a point lies beside the line.
@@ -70,7 +75,13 @@ impl Footprint {
 impl Corridor {
     /// The corridor of a line, around nobody yet.
     pub fn new(line: &Arc<ReferenceLine>) -> Self {
-        Self { whole: MeasuredLine::new(line), first_sample: 0, stations: Vec::new(), curvature: Vec::new() }
+        Self {
+            whole: MeasuredLine::new(line),
+            first_sample: 0,
+            stations: Vec::new(),
+            coarse_x: Vec::new(),
+            coarse_y: Vec::new(),
+        }
     }
 
     /// Moves it to a window of its line; `None` where that has less than two samples.
@@ -84,33 +95,20 @@ impl Corridor {
             return Some(()); // the AV stands
         }
         self.first_sample = window.first_sample;
-        self.stations.clear();
+        let all = self.first_sample..self.first_sample + samples;
+        let line = &self.whole.line;
+        for (coarse, column) in [(&mut self.coarse_x, &line.x), (&mut self.coarse_y, &line.y)] {
+            coarse.clear();
+            coarse.extend(column[all.clone()].iter().step_by(COARSE));
+        }
         let mut station = 0.0;
-        let steps = &self.whole.steps[self.first_sample..][..samples];
-        self.stations.extend(steps.iter().enumerate().map(|(sample, step)| {
-            station += if sample == 0 { 0.0 } else { *step };
+        self.stations.clear();
+        self.stations.push(station);
+        self.stations.extend(self.whole.steps[all].iter().skip(1).map(|step| {
+            station += step;
             station
         }));
-        self.measure_curvature();
         Some(())
-    }
-
-    /// The turn rate of the line's own heading around each sample, from headings 1.5 m before and after: the column of
-    /// curvatures comes from second derivatives of a spline and jumps at its knots.
-    fn measure_curvature(&mut self) {
-        let (stations, heading) = (&self.stations, &self.whole.line.heading[self.first_sample..]);
-        let (mut from, mut to) = (0, 0);
-        self.curvature.clear();
-        self.curvature.extend(stations.iter().map(|station| {
-            while stations[from] < station - CURVATURE_WINDOW {
-                from += 1;
-            }
-            while to + 1 < stations.len() && stations[to] < station + CURVATURE_WINDOW {
-                to += 1;
-            }
-            let length = stations[to] - stations[from];
-            if length <= 0.0 { 0.0 } else { angle_difference(heading[from], heading[to]) / length }
-        }));
     }
 
     /// Whether this is the corridor of `line`.
@@ -133,19 +131,44 @@ impl Corridor {
         &self.stations
     }
 
-    /// Curvature at each sample (1/m), averaged over three metres.
-    pub fn curvatures(&self) -> &[f64] {
-        &self.curvature
-    }
-
     /// Distance of `sample` along the line (m).
     pub fn station(&self, sample: usize) -> f64 {
         self.stations[self.inside(sample)]
     }
 
-    /// Curvature at `sample` (1/m), averaged over three metres.
+    /// Curvature at `sample` (1/m): the turn rate of the line's own heading around it, from headings 1.5 m before and after. The column
+    /// of curvatures comes from second derivatives of a spline and jumps at its knots.
     pub fn curvature(&self, sample: usize) -> f64 {
-        self.curvature[self.inside(sample)]
+        let sample = self.inside(sample);
+        let station = self.stations[sample];
+        let from = self.walk_to(station - CURVATURE_WINDOW, sample.saturating_sub(CURVATURE_SAMPLES));
+        let to = self.walk_to(station + CURVATURE_WINDOW, self.inside(sample + CURVATURE_SAMPLES));
+        let length = self.stations[to] - self.stations[from];
+        if length <= 0.0 { 0.0 } else { angle_difference(self.heading(from), self.heading(to)) / length }
+    }
+
+    /// A bound of [`Corridor::curvature`] at `sample` (1/m), either way, where one is at hand.
+    pub fn curvature_bound(&self, sample: usize) -> f64 {
+        /// More samples than lie within 1.5 m, and less metres than twice that, by more than a tenth.
+        const REACH: usize = 18;
+        const LENGTH: f64 = 2.6;
+        if !self.whole.even || sample < REACH || sample + REACH >= self.len() {
+            return f64::INFINITY;
+        }
+        let sample = self.first_sample + sample;
+        (self.whole.turned[sample + REACH] - self.whole.turned[sample - REACH]) / LENGTH
+    }
+
+    /// [`Corridor::sample_at`], from a sample that is near.
+    fn walk_to(&self, station: f64, near: usize) -> usize {
+        let mut sample = near;
+        while sample > 0 && self.stations[sample - 1] >= station {
+            sample -= 1;
+        }
+        while sample + 1 < self.len() && self.stations[sample] < station {
+            sample += 1;
+        }
+        sample
     }
 
     /// Heading at `sample` (rad).
@@ -176,7 +199,7 @@ impl Corridor {
     /// which pass the AV is, where the line passes a place more than once.
     pub fn own(&self, av: Point) -> usize {
         let first = if self.first_sample > 0 { SAMPLES_BEHIND - 2 * COARSE } else { 0 };
-        let own = self.nearest_in(self.inside(first), SAMPLES_BEHIND + 2 * COARSE, av);
+        let own = self.nearest_in(self.inside(first)..SAMPLES_BEHIND + 2 * COARSE + 1, av).sample;
         let distance = |sample: usize| self.distance(sample, av).sqrt();
         if distance(own) <= ASTRAY {
             return own;
@@ -189,21 +212,27 @@ impl Corridor {
     /// sample `own`.
     pub fn nearest_pass(&self, place: Point, own: usize) -> usize {
         let best = self.nearest(place);
-        let along = |sample: usize| sample.abs_diff(own);
-        let nearer = own.saturating_sub(along(best))..(own + along(best)).min(self.len());
+        // Those that are nearer along the line, and more than a pass away.
+        let nearer = if best > own {
+            (2 * own + 1).saturating_sub(best)..best.saturating_sub(PASS)
+        } else {
+            best + PASS + 1..(2 * own - best).min(self.len())
+        };
+        if nearer.is_empty() {
+            return best;
+        }
         let reach = self.distance(best, place).sqrt() + OTHER_PASS;
-        let other = (nearer.start.next_multiple_of(COARSE)..nearer.end).step_by(COARSE).filter(|sample| {
-            sample.abs_diff(best) > PASS
-                && along(*sample) < along(best)
-                && self.distance(*sample, place) <= reach * reach
-        });
-        other.min_by_key(|sample| along(*sample)).map_or(best, |sample| self.downhill(sample, place))
+        let coarse = nearer.start.div_ceil(COARSE)..nearer.end.div_ceil(COARSE);
+        let points = self.coarse_x[coarse.clone()].iter().zip(&self.coarse_y[coarse.clone()]);
+        let within = |(x, y): (&f64, &f64)| Point::new(*x, *y).distance_squared(place) <= reach * reach;
+        let other = points.zip(coarse).filter(|(point, _)| within(*point)).map(|(_, coarse)| COARSE * coarse);
+        other.min_by_key(|sample| sample.abs_diff(own)).map_or(best, |sample| self.downhill(sample, place))
     }
 
     fn downhill(&self, from: usize, place: Point) -> usize {
         let mut sample = from;
         loop {
-            let next = self.nearest_in(sample.saturating_sub(COARSE), sample + COARSE, place);
+            let next = self.nearest_in(around(sample, COARSE), place).sample;
             if self.distance(next, place) >= self.distance(sample, place) {
                 return sample;
             }
@@ -213,23 +242,17 @@ impl Corridor {
 
     /// The sample of the whole window nearest to `place`.
     fn nearest(&self, place: Point) -> usize {
-        let near = self.first_of_nearest((0..self.len()).step_by(COARSE), place);
-        self.nearest_in(near.saturating_sub(COARSE), near + COARSE, place)
+        let near = first_of_nearest(&self.coarse_x, &self.coarse_y, place).sample;
+        self.nearest_in(around(COARSE * near, COARSE), place).sample
     }
 
-    fn nearest_in(&self, from: usize, to: usize, place: Point) -> usize {
-        self.first_of_nearest(from..self.inside(to) + 1, place)
-    }
-
-    fn first_of_nearest(&self, samples: impl Iterator<Item = usize>, place: Point) -> usize {
-        let mut best = (f64::INFINITY, 0);
-        for sample in samples {
-            let distance = self.distance(sample, place);
-            if distance < best.0 {
-                best = (distance, sample);
-            }
-        }
-        best.1
+    /// The first of the nearest of these samples, as far as the window has them.
+    fn nearest_in(&self, samples: Range<usize>, place: Point) -> Nearest {
+        let end = self.first_sample + samples.end.min(self.len());
+        let all = (self.first_sample + samples.start).min(end)..end;
+        let line = &self.whole.line;
+        let Nearest { distance, sample } = first_of_nearest(&line.x[all.clone()], &line.y[all], place);
+        Nearest { distance, sample: samples.start + sample }
     }
 
     fn distance(&self, sample: usize, place: Point) -> f64 {
@@ -238,7 +261,7 @@ impl Corridor {
 
     /// Where `place` lies, looked for near the sample `hint` (4 m to either side).
     pub fn project(&self, place: Point, hint: usize) -> Place {
-        self.place(self.nearest_in(hint.saturating_sub(NEAR), hint + NEAR, place), place)
+        self.place(self.nearest_in(around(hint, NEAR), place).sample, place)
     }
 
     /// Where `place` lies as told by a sample.
@@ -252,25 +275,66 @@ impl Corridor {
     pub fn footprint(&self, body: &OrientedBox, sample: usize) -> Footprint {
         let mut stations = (f64::INFINITY, f64::NEG_INFINITY);
         let mut laterals = stations;
-        let reach = corner_reach(body.radius());
+        let samples = around(sample, corner_reach(body.radius()));
         for corner in body.corners() {
-            let nearest = self.nearest_in(sample.saturating_sub(reach), sample + reach, corner);
-            let place = self.project(corner, nearest);
+            let nearest = self.nearest_in(samples.clone(), corner);
+            // And near that one: what was looked at already is no nearer.
+            let near = around(nearest.sample, NEAR);
+            let before = self.nearest_in(near.start..samples.start.max(near.start), corner);
+            let after = self.nearest_in(samples.end.min(near.end)..near.end, corner);
+            let nearest = before.or_if_nearer(nearest).or_if_nearer(after);
+            let place = self.place(nearest.sample, corner);
             stations = (stations.0.min(place.station), stations.1.max(place.station));
             laterals = (laterals.0.min(place.lateral), laterals.1.max(place.lateral));
         }
         Footprint { stations, laterals }
     }
 
-    /// Whether the footprint of whoever's centre lies at `sample` is surely all on one side, farther from the line than `reach` (m).
+    /// Whether the footprint of whoever's centre lies at `sample` is surely all on one side and farther from the line than `reach` (m).
     pub fn is_beside(&self, state: &AgentState, sample: usize, reach: f64) -> bool {
         let radius = 0.5 * (state.length * state.length + state.width * state.width).sqrt();
-        let around = corner_reach(radius) + NEAR + COARSE;
-        let (from, to) = (sample.saturating_sub(around), self.inside(sample + around));
-        let (least, greatest) =
-            self.whole.laterals(state.position(), radius, self.first_sample + from, self.first_sample + to);
+        // All that footprint() looks at, and a little more: its radius is rounded otherwise.
+        let samples = around(sample, corner_reach(radius) + NEAR + COARSE);
+        let samples = self.first_sample + samples.start..self.first_sample + samples.end.min(self.len());
+        let (least, greatest) = self.whole.laterals(state.position(), radius, samples);
         least > reach || greatest < -reach
     }
+}
+
+/// The sample that is nearest to something, and its squared distance (m^2).
+#[derive(Clone, Copy)]
+struct Nearest {
+    distance: f64,
+    sample: usize,
+}
+
+impl Nearest {
+    fn or_if_nearer(self, later: Self) -> Self {
+        if later.distance < self.distance { later } else { self }
+    }
+}
+
+/// The first of the points nearest to `place`; infinitely far away where there is none.
+fn first_of_nearest(x: &[f64], y: &[f64], place: Point) -> Nearest {
+    /// So many at once, by vector instructions.
+    const LANES: usize = 8;
+    let distance = |(x, y): (&f64, &f64)| Point::new(*x, *y).distance_squared(place);
+    let less = |a: f64, b: f64| if b < a { b } else { a };
+    let ((x_lanes, x_rest), (y_lanes, y_rest)) = (x.as_chunks::<LANES>(), y.as_chunks::<LANES>());
+    let mut least = [f64::INFINITY; LANES];
+    for (x, y) in x_lanes.iter().zip(y_lanes) {
+        for lane in 0..LANES {
+            least[lane] = less(least[lane], distance((&x[lane], &y[lane])));
+        }
+    }
+    let least = least.into_iter().chain(x_rest.iter().zip(y_rest).map(distance)).fold(f64::INFINITY, less);
+    let sample = x.iter().zip(y).position(|point| distance(point) == least);
+    Nearest { distance: least, sample: sample.unwrap_or(0) }
+}
+
+/// The samples up to `reach` away from one.
+fn around(sample: usize, reach: usize) -> Range<usize> {
+    sample.saturating_sub(reach)..sample + reach + 1
 }
 
 /// How far along the line from its centre the corners of a box of this radius (m) are looked for, in samples: some metres further
@@ -324,6 +388,21 @@ mod tests {
         let mut corridor = Corridor::new(&window.line);
         corridor.move_to(window).unwrap();
         corridor
+    }
+
+    #[test]
+    fn no_curvature_is_above_its_bound() {
+        for (wider, at) in [(0.0, 0), (0.0, 300), (1.5, ROUND - 300), (1.5, 2 * ROUND)] {
+            let line = rounds(wider);
+            let corridor = corridor(&window(&line, at));
+            let bounds = (0..corridor.len()).map(|sample| corridor.curvature_bound(sample));
+            let bounds: Vec<_> = bounds.enumerate().filter(|(_, bound)| bound.is_finite()).collect();
+            assert_eq!(bounds.is_empty(), wider > 0.0, "a jump in the line is no step");
+            for (sample, bound) in bounds {
+                let curvature = corridor.curvature(sample);
+                assert!(curvature > 0.08 && curvature < bound && bound < 0.12, "{sample}: {curvature} {bound}");
+            }
+        }
     }
 
     #[test]

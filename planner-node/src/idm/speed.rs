@@ -45,9 +45,13 @@ pub struct DesiredSpeed {
 impl DesiredSpeed {
     /// Fills it for the corridor, which is at `window`.
     pub fn fill(&mut self, corridor: &Corridor, window: &ReferenceWindow) {
-        let limits = (window.start..).map(|sample| window.speed_limit_at(sample));
         self.speeds.clear();
-        self.speeds.extend(corridor.curvatures().iter().zip(limits).map(|(curvature, limit)| local(*curvature, limit)));
+        self.speeds.extend((0..corridor.len()).map(|sample| {
+            let limit = window.speed_limit_at(window.start + sample);
+            let limit = if limit > 0.0 { limit } else { DEFAULT_SPEED_LIMIT };
+            let straight = corridor.curvature_bound(sample) * limit * limit < 0.99 * LATERAL_ACCELERATION;
+            if straight { limit } else { local(corridor.curvature(sample), limit) }
+        }));
         // From the end backwards: no faster than what can be braked down from in time.
         let mut next = (f64::INFINITY, 0.0);
         for (speed, station) in self.speeds.iter_mut().zip(corridor.stations()).rev() {
@@ -78,7 +82,6 @@ pub struct Wanted {
 
 /// The speed (m/s) that a place on the line allows by itself.
 pub fn local(curvature: f64, limit: f64) -> f64 {
-    let limit = if limit > 0.0 { limit } else { DEFAULT_SPEED_LIMIT };
     let curvature = curvature.abs();
     if curvature * limit * limit <= LATERAL_ACCELERATION {
         return limit;
