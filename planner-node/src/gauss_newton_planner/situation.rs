@@ -169,6 +169,7 @@ impl Situation {
     /// The nearest neighbors, each where it is expected; one that is not predicted keeps its velocity.
     fn fill_neighbors(&mut self, rules: Rules, observation: &Observation, prediction: &Prediction) {
         let frame = observation.av.pose();
+        let forward = Point::unit(frame.heading);
         let distance = |agent: &ObservedAgent| agent.state.position().distance_squared(frame.position());
         let mut agents: Vec<&ObservedAgent> = observation.agents.iter().collect();
         // Stable: of equally near ones the first in the log.
@@ -187,8 +188,8 @@ impl Situation {
             let positions = &mut neighbor.positions;
             positions.clear();
             let own = |place: Point| {
-                let own = frame.to_body(place);
-                (own.x, own.y)
+                let offset = place - frame.position();
+                (forward.dot(offset), forward.cross(offset))
             };
             match expected {
                 Some(expected) => positions.extend(expected.poses.iter().map(|pose| own(pose.position()))),
