@@ -18,6 +18,7 @@
 //! | `motion` | rollout and its first and second derivatives |
 //! | `rows`, `objective` | the cost terms and products with their Jacobian |
 //! | `sweep`, `dense`, `linear` | the normal equations: along the chain of steps, and written out |
+//! | `lanes`, `wide` | several problems side by side; loops by the machine's widest vector instructions |
 //! | `solver` | iterations, stopping, polish |
 //! | `coupling` | how the authors' samples of a batch depend on the first |
 //! | `gradient`, `batch` | the unrolled iterations as a layer of a network; many samples at once |
@@ -30,6 +31,7 @@ mod controls;
 mod coupling;
 pub mod dense;
 mod gradient;
+mod lanes;
 mod linear;
 mod motion;
 mod nearest;
@@ -40,6 +42,7 @@ mod solver;
 mod sweep;
 #[cfg(test)]
 mod tests;
+mod wide;
 
 pub use batch::{Batch, BatchError};
 pub use controls::Controls;

@@ -10,40 +10,42 @@ use world::vehicle::{BicycleModel, StepDerivatives, UpdateOrder, VehicleState};
 
 use super::constants::{DT, STEPS};
 use super::controls::Controls;
+use super::lanes::Number;
 
 /// One step's link in the chain, as products that the sweeps need.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Stage {
+pub(super) struct Stage<T = f64> {
     /// Position by speed.
-    pub forward_x: f64,
-    pub forward_y: f64,
+    pub forward_x: T,
+    pub forward_y: T,
     /// Position by heading.
-    pub side_x: f64,
-    pub side_y: f64,
+    pub side_x: T,
+    pub side_y: T,
     /// Heading by speed.
-    pub turn: f64,
+    pub turn: T,
     /// Heading by steering angle.
-    pub steering: f64,
+    pub steering: T,
     /// Speed by acceleration.
-    pub acceleration: f64,
+    pub acceleration: T,
     /// Speed by the speed before.
-    pub speed: f64,
+    pub speed: T,
 }
 
 /// A change of the state, or a gradient by it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StateChange {
+pub struct StateChange<T = f64> {
     /// Of x.
-    pub x: f64,
+    pub x: T,
     /// Of y.
-    pub y: f64,
+    pub y: T,
     /// Of the heading.
-    pub heading: f64,
+    pub heading: T,
     /// Of the speed.
-    pub speed: f64,
+    pub speed: T,
 }
 
 impl Stage {
+    #[inline(always)]
     fn new(d: &StepDerivatives) -> Self {
         Self {
             forward_x: DT * d.cos * d.moving_gain,
@@ -56,10 +58,12 @@ impl Stage {
             speed: d.speed_gain,
         }
     }
+}
 
+impl<T: Number> Stage<T> {
     /// The change after the step, of that before it and of the control's.
-    #[inline]
-    pub fn push(&self, order: UpdateOrder, s: &mut StateChange, acceleration: f64, steering: f64) {
+    #[inline(always)]
+    pub fn push(&self, order: UpdateOrder, s: &mut StateChange<T>, acceleration: T, steering: T) {
         let (speed_before, heading_before) = (s.speed, s.heading);
         s.speed = self.speed * s.speed + self.acceleration * acceleration;
         let moving = if order == UpdateOrder::FromUpdated { s.speed } else { speed_before };
@@ -70,8 +74,8 @@ impl Stage {
     }
 
     /// The gradient by the state before and by the control, of that by the state after.
-    #[inline]
-    pub fn pull(&self, order: UpdateOrder, s: &mut StateChange) -> (f64, f64) {
+    #[inline(always)]
+    pub fn pull(&self, order: UpdateOrder, s: &mut StateChange<T>) -> (T, T) {
         let by_direction = self.side_x * s.x + self.side_y * s.y;
         if order == UpdateOrder::FromUpdated {
             s.heading += by_direction;
@@ -112,14 +116,13 @@ impl Default for Motion {
 
 impl Motion {
     /// Drives the controls from `start`.
+    #[inline(always)]
     pub fn roll_out(&mut self, model: &BicycleModel, start: VehicleState, controls: &Controls) {
         self.order = model.order;
-        let mut rollout = model.roll_out(start);
-        for t in 0..STEPS {
-            let (state, derivatives) = rollout.step_with_derivatives(controls.at(t), DT);
-            self.states[t] = state;
-            self.stages[t] = Stage::new(&derivatives);
-            self.derivatives[t] = derivatives;
+        let Controls { acceleration, steering } = controls;
+        model.roll_out_all(start, acceleration, steering, DT, &mut self.states, &mut self.derivatives);
+        for (stage, derivatives) in self.stages.iter_mut().zip(&self.derivatives) {
+            *stage = Stage::new(derivatives);
         }
     }
 
@@ -133,6 +136,7 @@ impl Motion {
     }
 
     /// Adds the gradient by the controls, of that by the states.
+    #[inline(always)]
     pub fn pull_back(&self, states: &[StateChange; STEPS], controls: &mut Controls) {
         let mut s = StateChange::default();
         for t in (0..STEPS).rev() {

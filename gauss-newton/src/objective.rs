@@ -16,6 +16,7 @@ use super::coupling::Nearest;
 use super::motion::{Motion, StateChange};
 use super::problem::{PlacedNeighbor, Problem};
 use super::rows::{Rows, SAFETY_ROWS};
+use super::wide::wide;
 
 /// What the objective is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -129,14 +130,22 @@ impl Evaluation {
         controls: &Controls,
         lead: Option<&Nearest>,
     ) {
+        wide(
+            #[inline(always)]
+            || self.evaluate_wide(problem, costing, controls, lead),
+        );
+    }
+
+    #[inline(always)]
+    fn evaluate_wide(&mut self, problem: &Problem, costing: &Costing, controls: &Controls, lead: Option<&Nearest>) {
         self.motion.roll_out(&costing.model, problem.av.state, controls);
         self.evaluate_controls(problem, costing, controls);
         self.evaluate_lane(problem, costing);
         self.evaluate_safety(problem, costing, lead);
         self.terms = [0.0; TERMS];
-        for (term, rows) in self.rows.parts() {
+        for (term, squares) in self.rows.squares() {
             let weight = problem.weights[term as usize];
-            self.terms[term as usize] += 0.5 * weight * weight * rows.iter().map(|c| c * c).sum::<f64>();
+            self.terms[term as usize] += 0.5 * weight * weight * squares;
         }
         self.objective = self.terms.iter().sum();
     }
@@ -147,6 +156,7 @@ impl Evaluation {
         self.key_sample = other.key_sample;
     }
 
+    #[inline(always)]
     /// Terms of the controls as they are: not clipped as the vehicle model clips them. Speed and distance among them.
     fn evaluate_controls(&mut self, problem: &Problem, costing: &Costing, controls: &Controls) {
         let rows = &mut self.rows;
@@ -182,6 +192,7 @@ impl Evaluation {
         }
     }
 
+    #[inline(always)]
     fn evaluate_lane(&mut self, problem: &Problem, costing: &Costing) {
         for i in 0..LANE_STEPS {
             let state = &self.motion.states[lane_step(i)];
@@ -199,6 +210,7 @@ impl Evaluation {
         }
     }
 
+    #[inline(always)]
     fn evaluate_lane_edge(&mut self, edge: f64) {
         self.rows.extent.lane_edge = LANE_STEPS;
         for i in 0..LANE_STEPS {
@@ -210,6 +222,7 @@ impl Evaluation {
         }
     }
 
+    #[inline(always)]
     fn evaluate_safety(&mut self, problem: &Problem, costing: &Costing, lead: Option<&Nearest>) {
         self.rows.extent.safety = 0;
         self.nearest = Nearest::default();
@@ -321,6 +334,7 @@ impl Evaluation {
     }
 
     /// The gradient by the states, of that by the rows (before weighting).
+    #[inline(always)]
     pub(super) fn state_gradient(&self, rows: &Rows) -> [StateChange; STEPS] {
         self.state_gradient_along(rows, |safety| safety.away)
     }
@@ -347,6 +361,7 @@ impl Evaluation {
     }
 
     /// The gradient by the controls, of that by the rows (before weighting): the product of the transposed Jacobian with `rows`.
+    #[inline(always)]
     pub fn pull_back(&self, rows: &Rows, controls: &mut Controls) {
         self.pull_back_states(rows, &self.state_gradient(rows), controls);
     }
@@ -356,6 +371,7 @@ impl Evaluation {
         self.pull_back_states(rows, &self.state_gradient_along(rows, |safety| safety.value_away), controls);
     }
 
+    #[inline(always)]
     fn pull_back_states(&self, rows: &Rows, states: &[StateChange; STEPS], controls: &mut Controls) {
         controls.acceleration = rows.acceleration;
         controls.steering = rows.steering;
@@ -381,7 +397,12 @@ impl Evaluation {
 
     /// The gradient of the objective by the controls. `scratch` is overwritten.
     pub fn gradient(&self, problem: &Problem, scratch: &mut Rows, controls: &mut Controls) {
-        scratch.set_weighted(&problem.weights, &self.rows, None);
-        self.pull_back(scratch, controls);
+        wide(
+            #[inline(always)]
+            || {
+                scratch.set_weighted(&problem.weights, &self.rows, None);
+                self.pull_back(scratch, controls);
+            },
+        );
     }
 }

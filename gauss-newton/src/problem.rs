@@ -6,6 +6,7 @@ use world::vehicle::VehicleState;
 
 use super::constants::{KEY_STEPS, NEIGHBORS, STEPS, STOP_MARGIN, TERMS};
 use super::nearest::{Frenet, Line};
+use super::wide::wide;
 
 /// What a problem is made of, borrowed.
 #[derive(Clone, Copy, Debug)]
@@ -122,6 +123,15 @@ impl Problem {
     /// [`ProblemError`] names the first thing that is wrong.
     pub fn set(&mut self, inputs: &Inputs<'_>) -> Result<(), ProblemError> {
         check(inputs)?;
+        wide(
+            #[inline(always)]
+            || self.take(inputs),
+        );
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn take(&mut self, inputs: &Inputs<'_>) {
         self.line.set(inputs.line_x, inputs.line_y, inputs.line_heading);
         self.speed_target = inputs.speed_target;
         self.stop_distance = inputs.stop_distance;
@@ -142,7 +152,6 @@ impl Problem {
             });
         }
         self.company = self.neighbors.iter().any(Option::is_some);
-        Ok(())
     }
 
     /// The weights of the cost terms.

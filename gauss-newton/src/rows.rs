@@ -64,6 +64,7 @@ impl Rows {
 
     /// The rows of each term, in the order of the weights; lane position has three parts.
     #[must_use]
+    #[inline(always)]
     pub fn parts(&self) -> [(Term, &[f64]); TERMS + 2] {
         let Extent { first_change, lane_edge, safety } = self.extent;
         [
@@ -82,6 +83,7 @@ impl Rows {
     }
 
     /// [`Rows::parts`], to be changed.
+    #[inline(always)]
     fn parts_mut(&mut self) -> [(Term, &mut [f64]); TERMS + 2] {
         let Extent { first_change, lane_edge, safety } = self.extent;
         [
@@ -99,7 +101,45 @@ impl Rows {
         ]
     }
 
+    /// The sum of squares of each of [`Rows::parts`], the first ones of jerk and steering change included: all of them side by side, for a
+    /// sum waits for its last number.
+    #[inline(always)]
+    pub(super) fn squares(&self) -> [(Term, f64); TERMS + 2] {
+        let (mut long, mut short) = ([0.0; 6], [0.0; 4]);
+        let add = |sum: &mut f64, c: f64| *sum += c * c;
+        for t in 0..STEPS {
+            add(&mut long[0], self.speed[t]);
+            add(&mut long[1], self.acceleration[t]);
+            add(&mut long[2], self.jerk[t]);
+            add(&mut long[3], self.steering[t]);
+            add(&mut long[4], self.steering_change[t]);
+            add(&mut long[5], self.red_light[t]);
+        }
+        for i in 0..LANE_STEPS {
+            add(&mut short[0], self.lane_x[i]);
+            add(&mut short[1], self.lane_y[i]);
+            add(&mut short[2], self.lane_heading[i]);
+            add(&mut short[3], self.lane_edge[i]);
+        }
+        let edge = if self.extent.lane_edge > 0 { short[3] } else { 0.0 };
+        let safety = self.safety[..self.extent.safety].iter().map(|c| c * c).sum();
+        [
+            (Term::Speed, long[0]),
+            (Term::Acceleration, long[1]),
+            (Term::Jerk, long[2]),
+            (Term::Steering, long[3]),
+            (Term::SteeringChange, long[4]),
+            (Term::LanePosition, short[0]),
+            (Term::LanePosition, short[1]),
+            (Term::LanePosition, edge),
+            (Term::LaneHeading, short[2]),
+            (Term::RedLight, long[5]),
+            (Term::Safety, safety),
+        ]
+    }
+
     /// `self = weight^2 * (rows + more)`, term by term.
+    #[inline(always)]
     pub(super) fn set_weighted(&mut self, weights: &[f64; TERMS], rows: &Self, more: Option<&Self>) {
         self.extent = rows.extent;
         let mores = more.map(Self::parts);

@@ -8,6 +8,7 @@ use std::f64::consts::TAU;
 
 use crate::geometry::{Pose, wrap_angle};
 use crate::plan::Control;
+use crate::trigonometry::{sincos_all, tan_all};
 
 /// Distance between the axles of the paper's AV (m).
 pub const WHEELBASE: f64 = 3.089;
@@ -221,6 +222,42 @@ impl BicycleModel {
         Rollout { model: self, state: start, turned: start.heading }
     }
 
+    /// The drive of these controls from `start`, a step each: the states of [`Rollout::step_with_derivatives`] and its derivatives to
+    /// the bit, sines and tangents all at once.
+    #[inline(always)]
+    pub fn roll_out_all<const N: usize>(
+        &self,
+        start: VehicleState,
+        acceleration: &[f64; N],
+        steering: &[f64; N],
+        dt: f64,
+        states: &mut [VehicleState; N],
+        derivatives: &mut [StepDerivatives; N],
+    ) {
+        let mut slopes = steering.map(|steering| self.clip_steering(steering));
+        if self.turning == Turning::Tangent {
+            tan_all(&{ slopes }, &mut slopes);
+        }
+        let (mut state, mut turned) = (start, start.heading);
+        let mut courses = [Course::default(); N];
+        let mut directions = [0.0; N];
+        for t in 0..N {
+            courses[t] = self.course(&state, turned, acceleration[t], slopes[t], dt);
+            (state.speed, state.heading, turned) = (courses[t].speed, courses[t].heading, courses[t].turned);
+            directions[t] = courses[t].direction;
+        }
+        let (mut sines, mut cosines) = ([0.0; N], [0.0; N]);
+        sincos_all(&directions, &mut sines, &mut cosines);
+        let (mut x, mut y) = (start.x, start.y);
+        for t in 0..N {
+            let (course, control) = (&courses[t], Control { acceleration: acceleration[t], steering: steering[t] });
+            derivatives[t] = self.derivatives(course, control, slopes[t], (sines[t], cosines[t]), dt);
+            x += course.moving * cosines[t] * dt;
+            y += course.moving * sines[t] * dt;
+            states[t] = VehicleState { x, y, heading: course.heading, speed: course.speed };
+        }
+    }
+
     /// The step from `state`, whose heading is `turned` before it is brought into range: the new state, its heading before that, and
     /// the derivatives.
     #[inline]
@@ -231,7 +268,27 @@ impl BicycleModel {
         control: Control,
         dt: f64,
     ) -> (VehicleState, f64, StepDerivatives) {
-        let acceleration = control.acceleration.clamp(-self.acceleration_clip, self.acceleration_clip);
+        let steering = self.clip_steering(control.steering);
+        let slope = match self.turning {
+            Turning::Linear => steering,
+            Turning::Tangent => libm::tan(steering),
+        };
+        let course = self.course(&state, turned, control.acceleration, slope, dt);
+        let (sin, cos) = libm::sincos(course.direction);
+        let Course { speed, heading, turned, moving, .. } = course;
+        let next = VehicleState { x: state.x + moving * cos * dt, y: state.y + moving * sin * dt, heading, speed };
+        (next, turned, self.derivatives(&course, control, slope, (sin, cos), dt))
+    }
+
+    #[inline(always)]
+    fn clip_steering(&self, steering: f64) -> f64 {
+        steering.clamp(-self.steering_clip, self.steering_clip)
+    }
+
+    /// What a step does to speed and heading, where `slope` is the steering angle's tangent, or what is taken for it.
+    #[inline(always)]
+    fn course(&self, state: &VehicleState, turned: f64, acceleration: f64, slope: f64, dt: f64) -> Course {
+        let acceleration = acceleration.clamp(-self.acceleration_clip, self.acceleration_clip);
         let owed = state.speed + acceleration * dt;
         let (speed, speed_gain) = match self.braking {
             Braking::Stops => (owed.max(0.0), inside(owed >= 0.0)),
@@ -242,16 +299,6 @@ impl BicycleModel {
             UpdateOrder::FromUpdated => speed,
         };
         let moving = moving_from.max(0.0);
-        let steering = control.steering.clamp(-self.steering_clip, self.steering_clip);
-        let (slope, rise, bend) = match self.turning {
-            Turning::Linear => (steering, 1.0, 0.0),
-            Turning::Tangent => {
-                let tangent = libm::tan(steering);
-                let rise = 1.0 + tangent * tangent;
-                (tangent, rise, 2.0 * tangent * rise)
-            }
-        };
-        let steers = inside(control.steering.abs() <= self.steering_clip) * dt / self.wheelbase;
         let turn = slope * dt / self.wheelbase;
         let turned = turned + turn * moving;
         let (heading, turned) = match self.heading {
@@ -268,21 +315,55 @@ impl BicycleModel {
             UpdateOrder::FromBefore => state.heading,
             UpdateOrder::FromUpdated => heading,
         };
-        let (sin, cos) = libm::sincos(direction);
-        let next = VehicleState { x: state.x + moving * cos * dt, y: state.y + moving * sin * dt, heading, speed };
-        let derivatives = StepDerivatives {
-            moving,
+        Course { speed, heading, turned, moving, direction, speed_gain, moving_gain: inside(moving_from >= 0.0), turn }
+    }
+
+    #[inline(always)]
+    fn derivatives(
+        &self,
+        course: &Course,
+        control: Control,
+        slope: f64,
+        (sin, cos): (f64, f64),
+        dt: f64,
+    ) -> StepDerivatives {
+        let (rise, bend) = match self.turning {
+            Turning::Linear => (1.0, 0.0),
+            Turning::Tangent => {
+                let rise = 1.0 + slope * slope;
+                (rise, 2.0 * slope * rise)
+            }
+        };
+        let steers = inside(control.steering.abs() <= self.steering_clip) * dt / self.wheelbase;
+        StepDerivatives {
+            moving: course.moving,
             cos,
             sin,
-            speed_gain,
-            acceleration_gain: speed_gain * inside(control.acceleration.abs() <= self.acceleration_clip) * dt,
-            moving_gain: inside(moving_from >= 0.0),
-            turn,
+            speed_gain: course.speed_gain,
+            acceleration_gain: course.speed_gain * inside(control.acceleration.abs() <= self.acceleration_clip) * dt,
+            moving_gain: course.moving_gain,
+            turn: course.turn,
             turn_slope: rise * steers,
             turn_curvature: bend * steers,
-        };
-        (next, turned, derivatives)
+        }
     }
+}
+
+/// A step as far as it needs no sine.
+#[derive(Clone, Copy, Debug, Default)]
+struct Course {
+    /// After it.
+    speed: f64,
+    heading: f64,
+    /// The heading before it is brought into range.
+    turned: f64,
+    /// Speed and direction moved with.
+    moving: f64,
+    direction: f64,
+    /// As in [`StepDerivatives`].
+    speed_gain: f64,
+    moving_gain: f64,
+    turn: f64,
 }
 
 /// A drive, step by step.
@@ -314,7 +395,7 @@ impl Rollout<'_> {
 }
 
 /// The derivative of a clip: one within its range.
-#[inline]
+#[inline(always)]
 fn inside(within: bool) -> f64 {
     if within { 1.0 } else { 0.0 }
 }
@@ -470,6 +551,22 @@ mod tests {
                 prop_assert!((slope(low.y, high.y) - DT * (d.sin * dm + d.moving * d.cos * dp)).abs() < 1e-7);
                 prop_assert!((slope(low_d.turn, high_d.turn) - d.turn_slope * ds).abs() < 1e-7);
                 prop_assert!((slope(low_d.turn_slope, high_d.turn_slope) - d.turn_curvature * ds).abs() < 1e-7);
+            }
+        }
+
+        #[test]
+        fn all_steps_at_once_are_those_one_by_one(
+            model in any_model(), accelerations in prop::array::uniform32(-6.0..6.0), steering in prop::array::uniform32(-0.8..0.8),
+            (speed, heading) in (0.0..20.0, -3.2..3.2), sharp in 0.0..1.0,
+        ) {
+            let steering = steering.map(|s| s * sharp);
+            let start = VehicleState { x: 1.0, y: -2.0, heading, speed };
+            let (mut states, mut derivatives) = ([VehicleState::default(); 32], [StepDerivatives::default(); 32]);
+            model.roll_out_all(start, &accelerations, &steering, DT, &mut states, &mut derivatives);
+            let mut rollout = model.roll_out(start);
+            for t in 0..32 {
+                let (state, derivative) = rollout.step_with_derivatives(control(accelerations[t], steering[t]), DT);
+                prop_assert_eq!((states[t], derivatives[t]), (state, derivative));
             }
         }
 

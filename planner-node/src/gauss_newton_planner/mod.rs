@@ -20,7 +20,7 @@ use world::observation::Briefing;
 use world::plan::{Control, Diagnostics, PLAN_STEPS, PlanState, STEP_SECONDS, UncheckedPlan};
 use world::vehicle::{BicycleModel, Limits, VehicleState};
 
-use crate::idm::Idm;
+use crate::idm::IdmDrive;
 pub use situation::{Rules, Situation};
 pub use weights::{Weights, WeightsError};
 
@@ -74,7 +74,8 @@ struct Drive {
     best: Controls,
     planned: bool,
     at: Evaluation,
-    idm: Idm,
+    /// For [`Init::Idm`].
+    idm: Option<IdmDrive>,
 }
 
 impl Drive {
@@ -90,7 +91,7 @@ impl Drive {
             best: Controls::ZERO,
             planned: false,
             at: Evaluation::default(),
-            idm: Idm,
+            idm: None,
         }
     }
 
@@ -102,7 +103,10 @@ impl Drive {
         };
         match self.options.init {
             Init::Zero => Ok(Controls::ZERO),
-            Init::Idm => controls(&self.idm.plan(step)?.controls),
+            Init::Idm => {
+                let idm = self.idm.get_or_insert_with(|| IdmDrive::new(step.briefing));
+                controls(&idm.plan(step)?.controls)
+            }
             Init::Network => {
                 let from = step.prediction.and_then(|prediction| prediction.initial_controls());
                 controls(from.ok_or("the prediction has no initial controls; --init zero or idm needs none")?)

@@ -1,10 +1,12 @@
 //! An observation and a prediction become a problem, in the AV's own frame.
 
+use std::ops::Range;
+
 use gauss_newton::constants::{NEIGHBORS, STOP_MARGIN, TERMS};
 use gauss_newton::{InfoColumn, Inputs, Neighbor, Vehicle};
 use wire::node::StepInput;
 use world::authors_frame;
-use world::geometry::{Point, Pose, wrap_angle_single};
+use world::geometry::{Point, Pose, angle_difference, wrap_angle_single};
 use world::observation::{Observation, ObservedAgent};
 use world::plan::{Control, PLAN_STEPS, Prediction};
 use world::reference_line::{ReferenceWindow, SAMPLES_BEHIND};
@@ -50,8 +52,11 @@ impl Rules {
 }
 
 /// Everything of a problem but the weights. Buffers are kept from step to step.
-#[derive(Clone, Debug, Default)]
+#[derive(Default)]
 pub struct Situation {
+    /// Under [`Rules::Strict`], with the speed wanted along it.
+    corridor: Option<Corridor>,
+    desired: DesiredSpeed,
     line_x: Vec<f64>,
     line_y: Vec<f64>,
     line_heading: Vec<f64>,
@@ -82,13 +87,19 @@ impl Situation {
     pub fn fill(&mut self, rules: Rules, step: &StepInput<'_>, prediction: &Prediction) -> Result<(), String> {
         let observation = step.observation;
         self.fill_av(rules, observation);
-        self.fill_line(rules, observation);
-        if self.line_x.is_empty() {
+        let samples = samples(&observation.window);
+        if samples.is_empty() {
             return Err("the window of the reference line is empty".to_owned());
         }
         match rules {
-            Rules::Paper => self.fill_info(&observation.window),
-            Rules::Strict => self.fill_road(observation)?,
+            Rules::Paper => {
+                self.fill_line(rules, observation, samples);
+                self.fill_info(&observation.window);
+            }
+            Rules::Strict => {
+                let own = self.fill_road(step)?;
+                self.fill_line(rules, observation, single_pass(&observation.window, own));
+            }
         }
         self.fill_neighbors(rules, observation, prediction);
         Ok(())
@@ -109,24 +120,22 @@ impl Situation {
         };
     }
 
-    fn fill_line(&mut self, rules: Rules, observation: &Observation) {
+    /// Takes in these samples of the window's line.
+    fn fill_line(&mut self, rules: Rules, observation: &Observation, samples: Range<usize>) {
         let frame = observation.av.pose();
+        let forward = Point::unit(frame.heading);
         for column in [&mut self.line_x, &mut self.line_y, &mut self.line_heading] {
             column.clear();
         }
-        let samples = match rules {
-            Rules::Paper => samples(&observation.window),
-            Rules::Strict => single_pass(observation),
-        };
         for k in samples {
             let pose = observation.window.line.pose(k);
             let pose = Pose::new(rules.stored(pose.x), rules.stored(pose.y), rules.stored(pose.heading));
-            let own = frame.pose_to_body(pose);
-            self.line_x.push(rules.stored(own.x));
-            self.line_y.push(rules.stored(own.y));
+            let offset = pose.position() - frame.position();
+            self.line_x.push(rules.stored(forward.dot(offset)));
+            self.line_y.push(rules.stored(forward.cross(offset)));
             self.line_heading.push(match rules {
                 Rules::Paper => f64::from(wrap_angle_single(pose.heading as f32 - frame.heading as f32)),
-                Rules::Strict => own.heading,
+                Rules::Strict => angle_difference(frame.heading, pose.heading),
             });
         }
     }
@@ -139,23 +148,28 @@ impl Situation {
         self.stop_margin = STOP_MARGIN;
     }
 
-    fn fill_road(&mut self, observation: &Observation) -> Result<(), String> {
-        let corridor =
-            Corridor::new(&observation.window).ok_or("the window of the reference line has less than two samples")?;
+    /// Our reading. The answer is the window's sample nearest to the AV.
+    fn fill_road(&mut self, step: &StepInput<'_>) -> Result<usize, String> {
+        let (line, observation) = (&step.briefing.reference_line, step.observation);
+        let corridor = self.corridor.take().filter(|corridor| corridor.is_of(line));
+        let corridor = self.corridor.insert(corridor.unwrap_or_else(|| Corridor::new(line)));
+        corridor.move_to(&observation.window).ok_or("the window of the reference line has less than two samples")?;
+        self.desired.fill(corridor, &observation.window);
         let own = corridor.own(observation.av.position());
-        self.speed_target = DesiredSpeed::new(&corridor).at(own).speed;
+        self.speed_target = self.desired.at(own).speed;
         let front = corridor.station(own) + observation.av.length / 2.0;
         let ahead = observation.window.red_stops.iter().map(|red| corridor.station(*red as usize));
         let stop = ahead.filter(|station| *station > front - PASSED).fold(f64::INFINITY, f64::min);
         // The authors' margin is from the AV's center: half of a long vehicle is more.
         self.stop_margin = STOP_MARGIN.max(observation.av.length / 2.0 + 0.5);
         self.stop_distance = stop.is_finite().then(|| stop - corridor.station(own) - self.stop_margin);
-        Ok(())
+        Ok(own)
     }
 
     /// The nearest neighbors, each where it is expected; one that is not predicted keeps its velocity.
     fn fill_neighbors(&mut self, rules: Rules, observation: &Observation, prediction: &Prediction) {
         let frame = observation.av.pose();
+        let forward = Point::unit(frame.heading);
         let distance = |agent: &ObservedAgent| agent.state.position().distance_squared(frame.position());
         let mut agents: Vec<&ObservedAgent> = observation.agents.iter().collect();
         // Stable: of equally near ones the first in the log.
@@ -174,8 +188,8 @@ impl Situation {
             let positions = &mut neighbor.positions;
             positions.clear();
             let own = |place: Point| {
-                let own = frame.to_body(place);
-                (own.x, own.y)
+                let offset = place - frame.position();
+                (forward.dot(offset), forward.cross(offset))
             };
             match expected {
                 Some(expected) => positions.extend(expected.poses.iter().map(|pose| own(pose.position()))),
@@ -227,20 +241,18 @@ impl Situation {
 }
 
 /// The window's samples in its line.
-fn samples(window: &ReferenceWindow) -> std::ops::Range<usize> {
+fn samples(window: &ReferenceWindow) -> Range<usize> {
     window.start..(window.start + window.samples).min(window.line.len())
 }
 
 /// The window's samples in its line that do not pass by the same place again: the search goes by the nearest sample, and must not
-/// take the next round for this one.
-fn single_pass(observation: &Observation) -> std::ops::Range<usize> {
-    let window = &observation.window;
+/// take the next round for this one. The AV is nearest to the window's sample `own`.
+fn single_pass(window: &ReferenceWindow, own: usize) -> Range<usize> {
     let all = samples(window);
-    let Some(corridor) = Corridor::new(window) else { return all };
-    let own = window.start + corridor.own(observation.av.position());
+    let own = window.start + own;
     let meets =
         |a: usize, b: usize| window.line.point(a).distance_squared(window.line.point(b)) < SAME_PLACE * SAME_PLACE;
-    let coarse = |range: std::ops::Range<usize>| range.step_by(COARSE);
+    let coarse = |range: Range<usize>| range.step_by(COARSE);
     // What lies ahead comes first: of two passes the one behind goes, then the second one ahead.
     let behind = own.saturating_sub(KEPT_BEHIND).max(all.start);
     let comes_by = |a: usize| coarse(own..all.end).any(|b| b - a > PASS && meets(a, b));
@@ -284,6 +296,13 @@ mod tests {
         Observation { step: 0, log_index: 19, av, control: Control::default(), agents: vec![], signals: vec![], window }
     }
 
+    /// [`single_pass`] of what is seen there.
+    fn told(seen: &Observation) -> Range<usize> {
+        let mut corridor = Corridor::new(&seen.window.line);
+        corridor.move_to(&seen.window).unwrap();
+        single_pass(&seen.window, corridor.own(seen.av.position()))
+    }
+
     fn circle(station: f64) -> (f64, f64) {
         (12.0 * libm::sin(station / 12.0), -12.0 * libm::cos(station / 12.0))
     }
@@ -291,14 +310,14 @@ mod tests {
     #[test]
     fn a_line_that_passes_no_place_twice_is_told_whole() {
         let seen = on(|station| (station, 0.0), 2000, 500);
-        assert_eq!(single_pass(&seen), 300..1500);
+        assert_eq!(told(&seen), 300..1500);
     }
 
     #[test]
     fn of_a_line_that_goes_round_and_round_less_than_a_round_is_told() {
         for at in [100, 400, 700, 1100] {
             let seen = on(circle, 2500, at);
-            let told = single_pass(&seen);
+            let told = told(&seen);
             let line = &seen.window.line;
             // 5 m behind the AV stay, and nearly a round (75 m) ahead.
             assert!(told.contains(&at) && told.start + KEPT_BEHIND <= at && told.end >= at + 600, "{told:?} from {at}");
@@ -323,7 +342,7 @@ mod tests {
         };
         // The crossing at (28, 0) is 17 m behind the AV and 63.5 m ahead.
         let seen = on(eight, 1600, 450);
-        let told = single_pass(&seen);
+        let told = told(&seen);
         assert!(told.start > 290 && told.contains(&450) && told.end == 1450, "{told:?}");
     }
 }

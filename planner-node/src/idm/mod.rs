@@ -3,6 +3,7 @@
 //!
 //! | file | what |
 //! | --- | --- |
+//! | `measured_line.rs` | what is reckoned of the whole line once |
 //! | `corridor.rs` | the line ahead as stations, and where things lie beside it |
 //! | `obstacles.rs` | who is in the way: leaders, crossing traffic, red lights, the line's end |
 //! | `speed.rs` | the speed wanted on the line, and the acceleration |
@@ -13,6 +14,7 @@
 //! authors' test model, which moves at the new speed, and not at the one before.
 
 mod corridor;
+mod measured_line;
 mod obstacles;
 mod speed;
 mod steering;
@@ -24,6 +26,7 @@ use world::scene::AgentState;
 use world::vehicle::{BicycleModel, Limits, VehicleState};
 
 pub use corridor::Corridor;
+use corridor::Place;
 use obstacles::Obstacle;
 pub use speed::DesiredSpeed;
 
@@ -35,21 +38,36 @@ pub struct Idm;
 
 impl PlannerFactory for Idm {
     fn start(&self, briefing: &Briefing) -> Result<Box<dyn Planner>, String> {
-        if briefing.reference_line.x.len() < 2 {
+        if briefing.reference_line.len() < 2 {
             return Err("the reference line has less than two samples".to_owned());
         }
-        Ok(Box::new(Self))
+        Ok(Box::new(IdmDrive::new(briefing)))
     }
 }
 
-impl Planner for Idm {
+/// The planner in one episode. Buffers are kept from step to step.
+pub struct IdmDrive {
+    corridor: Corridor,
+    desired: DesiredSpeed,
+}
+
+impl IdmDrive {
+    /// At the start of an episode.
+    pub fn new(briefing: &Briefing) -> Self {
+        Self { corridor: Corridor::new(&briefing.reference_line), desired: DesiredSpeed::default() }
+    }
+}
+
+impl Planner for IdmDrive {
     fn plan(&mut self, step: &StepInput<'_>) -> Result<UncheckedPlan, String> {
         let StepInput { briefing, observation, .. } = step;
-        let corridor =
-            Corridor::new(&observation.window).ok_or("the window of the reference line has less than two samples")?;
+        let Self { corridor, desired } = self;
+        corridor.move_to(&observation.window).ok_or("the window of the reference line has less than two samples")?;
+        desired.fill(corridor, &observation.window);
         let av = &observation.av;
-        let obstacles = obstacles::in_the_way(&corridor, briefing, observation);
-        let desired = DesiredSpeed::new(&corridor);
+        let own = corridor.own(av.position());
+        let place = corridor.project(av.position(), own);
+        let obstacles = obstacles::in_the_way(corridor, place, observation);
 
         let model = match briefing.protocol.as_str() {
             "paper" => BicycleModel::authors_test(),
@@ -58,8 +76,13 @@ impl Planner for Idm {
         let mut state = VehicleState { x: av.x, y: av.y, heading: av.heading, speed: av.speed() };
         let mut rollout = model.roll_out(state);
         let mut driven = observation.control;
-        let mut hint = corridor.own(av.position());
-        let mut plan = UncheckedPlan { step: observation.step, ..Default::default() };
+        let mut hint = own;
+        let mut plan = UncheckedPlan {
+            step: observation.step,
+            states: Vec::with_capacity(PLAN_STEPS),
+            controls: Vec::with_capacity(PLAN_STEPS),
+            diagnostics: Diagnostics { status: status(place, av, &obstacles), ..Default::default() },
+        };
         for k in 0..PLAN_STEPS {
             let place = corridor.project(state.pose().position(), hint);
             hint = place.sample;
@@ -68,21 +91,20 @@ impl Planner for Idm {
             let acceleration = speed::acceleration(state.speed, desired.at(place.sample), obstacles.iter().map(ahead));
             let wanted = Control {
                 acceleration: speed::smooth(driven.acceleration, acceleration),
-                steering: steering::angle(&corridor, &place, &state, briefing.wheelbase),
+                steering: steering::angle(corridor, &place, &state, briefing.wheelbase),
             };
             driven = Limits::STRICT.apply(wanted, driven.steering, STEP_SECONDS);
             state = rollout.step(driven, STEP_SECONDS);
             plan.controls.push(driven);
             plan.states.push(PlanState { x: state.x, y: state.y, heading: state.heading, speed: state.speed });
         }
-        plan.diagnostics = Diagnostics { status: status(&corridor, av, &obstacles), ..Default::default() };
         Ok(plan)
     }
 }
 
 /// What holds the AV back most, for whoever watches.
-fn status(corridor: &Corridor<'_>, av: &AgentState, obstacles: &[Obstacle]) -> String {
-    let front = corridor.project(av.position(), corridor.own(av.position())).station + 0.5 * av.length;
+fn status(place: Place, av: &AgentState, obstacles: &[Obstacle]) -> String {
+    let front = place.station + 0.5 * av.length;
     let hold = |o: &Obstacle| speed::interaction(av.speed(), o.station - front, o.speed);
     let most = obstacles.iter().max_by(|a, b| hold(a).total_cmp(&hold(b)));
     most.filter(|o| hold(o) > NOTICEABLE).map_or_else(|| "free".to_owned(), |o| o.what.to_string())

@@ -3,8 +3,8 @@
 
 use std::fmt;
 
-use world::geometry::{OrientedBox, Point};
-use world::observation::{Briefing, Observation, ObservedAgent};
+use world::geometry::Point;
+use world::observation::{Observation, ObservedAgent};
 use world::plan::STEP_SECONDS;
 use world::scene::{AgentKind, AgentState, TrackId};
 
@@ -81,6 +81,11 @@ struct Av {
 }
 
 impl Av {
+    /// How far from the line its corridor reaches at most (m), to either side.
+    fn reach(&self, margin: f64) -> f64 {
+        self.place.lateral.abs() + self.half_width + margin
+    }
+
     /// Right and left edge of its corridor at `station`: its offset now, fading as it steers back onto the line.
     fn edges(&self, station: f64, margin: f64) -> (f64, f64) {
         let fade = libm::exp(-(station - self.front).max(0.0) / OFFSET_METERS.max(OFFSET_SECONDS * self.speed));
@@ -89,10 +94,9 @@ impl Av {
     }
 }
 
-/// All that is in the way, in no order.
-pub fn in_the_way(corridor: &Corridor<'_>, briefing: &Briefing, observation: &Observation) -> Vec<Obstacle> {
+/// All that is in the way of the AV, which is at `place`, in no order.
+pub fn in_the_way(corridor: &Corridor, place: Place, observation: &Observation) -> Vec<Obstacle> {
     let state = &observation.av;
-    let place = corridor.project(state.position(), corridor.own(state.position()));
     let av = Av {
         place,
         front: place.station + 0.5 * state.length,
@@ -102,35 +106,35 @@ pub fn in_the_way(corridor: &Corridor<'_>, briefing: &Briefing, observation: &Ob
     };
     let mut obstacles: Vec<Obstacle> =
         observation.agents.iter().filter_map(|agent| of_agent(corridor, &av, agent)).collect();
-    obstacles.extend(red_light(corridor, &av));
-    obstacles.extend(line_end(corridor, briefing));
+    obstacles.extend(red_light(corridor, &av, &observation.window.red_stops));
+    obstacles.extend(line_end(corridor));
     obstacles
 }
 
-fn of_agent(corridor: &Corridor<'_>, av: &Av, agent: &ObservedAgent) -> Option<Obstacle> {
+fn of_agent(corridor: &Corridor, av: &Av, agent: &ObservedAgent) -> Option<Obstacle> {
     let state = &agent.state;
-    let standing = state.speed() < STANDING;
+    let speed = state.speed();
+    let standing = speed < STANDING;
     let margin = match agent.kind {
         AgentKind::Pedestrian | AgentKind::Cyclist => SIDE_MARGIN_VULNERABLE,
         AgentKind::Vehicle | AgentKind::Other => SIDE_MARGIN,
     };
     // Out of reach within the projection, whatever it does.
-    let last = corridor.station(corridor.len() - 1);
-    let nearest = corridor.footprint(&state.oriented_box(), av.place.sample);
-    let above = state.z - corridor.height(nearest.sample);
-    let reach = 2.0 * av.half_width + PROJECTION * if standing { 0.0 } else { state.speed() };
-    if nearest.laterals.0 > reach
-        || nearest.laterals.1 < -reach
-        || nearest.stations.0 >= last
-        || above.abs() > OTHER_LEVEL
-    {
+    let reach = 2.0 * av.half_width + PROJECTION * if standing { 0.0 } else { speed };
+    let sample = corridor.nearest_pass(state.position(), av.place.sample);
+    let above = state.z - corridor.height(sample);
+    if above.abs() > OTHER_LEVEL || corridor.is_beside(state, sample, reach) {
         return None;
     }
-    let motion = Motion::of(corridor, &nearest, state);
-    if overlaps(av, &nearest, margin) && is_ahead(av, &nearest, motion.speed()) {
-        return Some(Obstacle { what: What::Agent(agent.track), station: nearest.stations.0, speed: motion.speed() });
+    let now = corridor.footprint(&state.oriented_box(), sample);
+    if now.laterals.0 > reach || now.laterals.1 < -reach || now.stations.0 >= corridor.station(corridor.len() - 1) {
+        return None;
     }
-    if standing { None } else { crossing(corridor, av, agent, &nearest, motion, margin) }
+    let motion = Motion::of(corridor, sample, state);
+    if overlaps(av, &now, margin) && is_ahead(av, &now, motion.speed()) {
+        return Some(Obstacle { what: What::Agent(agent.track), station: now.stations.0, speed: motion.speed() });
+    }
+    if standing { None } else { crossing(corridor, av, agent, (sample, now), motion, margin) }
 }
 
 /// How an agent goes on.
@@ -144,9 +148,10 @@ struct Motion {
 }
 
 impl Motion {
-    fn of(corridor: &Corridor<'_>, footprint: &Footprint, state: &AgentState) -> Self {
+    /// That of one whose centre lies at `sample`.
+    fn of(corridor: &Corridor, sample: usize, state: &AgentState) -> Self {
         let velocity = if state.speed() < STANDING { Point::default() } else { state.velocity() };
-        let tangent = Point::unit(corridor.heading(footprint.sample));
+        let tangent = corridor.direction(sample);
         let (along, across) = (tangent.dot(velocity), tangent.cross(velocity));
         let follows = across.abs() < PARALLEL * velocity.norm();
         let drifts = across.abs() > DRIFT;
@@ -161,6 +166,10 @@ impl Motion {
 
 /// Whether the footprint lies in the AV's corridor.
 fn overlaps(av: &Av, footprint: &Footprint, margin: f64) -> bool {
+    let reach = av.reach(margin);
+    if footprint.laterals.0 >= reach || footprint.laterals.1 <= -reach {
+        return false; // wherever along the line
+    }
     let (right, left) = av.edges(footprint.stations.0, margin);
     footprint.laterals.0 < left && footprint.laterals.1 > right
 }
@@ -173,10 +182,10 @@ fn is_ahead(av: &Av, footprint: &Footprint, speed: f64) -> bool {
 
 /// An agent that is beside the corridor now, and will be in it when the AV is there.
 fn crossing(
-    corridor: &Corridor<'_>,
+    corridor: &Corridor,
     av: &Av,
     agent: &ObservedAgent,
-    now: &Footprint,
+    (sample, now): (usize, Footprint),
     motion: Motion,
     margin: f64,
 ) -> Option<Obstacle> {
@@ -186,9 +195,14 @@ fn crossing(
         let then = if motion.follows {
             now.moved(motion.along * seconds, motion.across * seconds)
         } else {
-            corridor.footprint(&later(&agent.state, seconds), now.sample)
+            let later = later(&agent.state, seconds);
+            let sample = corridor.nearest_pass(later.position(), sample);
+            if corridor.is_beside(&later, sample, av.reach(margin)) {
+                return None;
+            }
+            corridor.footprint(&later.oriented_box(), sample)
         };
-        if !overlaps(av, &then, margin) || then.stations.1 < av.front {
+        if then.stations.1 < av.front || !overlaps(av, &then, margin) {
             return None;
         }
         // When the AV would come to where the agent is then, and when it would have left it.
@@ -208,14 +222,14 @@ fn crossing(
     })
 }
 
-fn later(state: &AgentState, seconds: f64) -> OrientedBox {
+fn later(state: &AgentState, seconds: f64) -> AgentState {
     let ahead = state.velocity() * seconds;
-    AgentState { x: state.x + ahead.x, y: state.y + ahead.y, ..*state }.oriented_box()
+    AgentState { x: state.x + ahead.x, y: state.y + ahead.y, ..*state }
 }
 
-/// The next red light that the AV can still stop at.
-fn red_light(corridor: &Corridor<'_>, av: &Av) -> Option<Obstacle> {
-    let stations = corridor.red_stops.iter().map(|sample| corridor.station(*sample as usize));
+/// The next red light that the AV can still stop at; its stop points are at samples `stops`.
+fn red_light(corridor: &Corridor, av: &Av, stops: &[u32]) -> Option<Obstacle> {
+    let stations = stops.iter().map(|sample| corridor.station(*sample as usize));
     let can_stop = |station: &f64| {
         let gap = station - av.front;
         // Past it already, or too fast: to brake now would be to stop in the crossing.
@@ -226,7 +240,7 @@ fn red_light(corridor: &Corridor<'_>, av: &Av) -> Option<Obstacle> {
 }
 
 /// The end of the whole line, if the window reaches it: beyond it is off the route.
-fn line_end(corridor: &Corridor<'_>, briefing: &Briefing) -> Option<Obstacle> {
-    let reached = corridor.first_sample + corridor.len() >= briefing.reference_line.x.len();
-    reached.then(|| Obstacle { what: What::LineEnd, station: corridor.station(corridor.len() - 1), speed: 0.0 })
+fn line_end(corridor: &Corridor) -> Option<Obstacle> {
+    let station = corridor.station(corridor.len() - 1);
+    corridor.reaches_the_end().then_some(Obstacle { what: What::LineEnd, station, speed: 0.0 })
 }

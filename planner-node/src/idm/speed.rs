@@ -6,6 +6,7 @@
 
 use world::map::{METERS_PER_SECOND_PER_MPH, USUAL_SPEED_LIMIT_MPH};
 use world::plan::STEP_SECONDS;
+use world::reference_line::ReferenceWindow;
 
 use super::corridor::Corridor;
 
@@ -36,20 +37,29 @@ const JERK: f64 = 4.0;
 const SLOWEST_CURVE: f64 = 2.0;
 
 /// The speed wanted at each sample: the limit, slower in and before curves.
+#[derive(Clone, Debug, Default)]
 pub struct DesiredSpeed {
     speeds: Vec<f64>,
 }
 
 impl DesiredSpeed {
-    pub fn new(corridor: &Corridor<'_>) -> Self {
-        let mut speeds: Vec<f64> = (0..corridor.len()).map(|sample| local(corridor, sample)).collect();
+    /// Fills it for the corridor, which is at `window`.
+    pub fn fill(&mut self, corridor: &Corridor, window: &ReferenceWindow) {
+        self.speeds.clear();
+        self.speeds.extend((0..corridor.len()).map(|sample| {
+            let limit = window.speed_limit_at(window.start + sample);
+            let limit = if limit > 0.0 { limit } else { DEFAULT_SPEED_LIMIT };
+            let straight = corridor.curvature_bound(sample) * limit * limit < 0.99 * LATERAL_ACCELERATION;
+            if straight { limit } else { local(corridor.curvature(sample), limit) }
+        }));
         // From the end backwards: no faster than what can be braked down from in time.
-        for sample in (0..speeds.len() - 1).rev() {
-            let distance = corridor.station(sample + 1) - corridor.station(sample);
-            let next = speeds[sample + 1];
-            speeds[sample] = speeds[sample].min((next * next + 2.0 * ANTICIPATION * distance).sqrt());
+        let mut next = (f64::INFINITY, 0.0);
+        for (speed, station) in self.speeds.iter_mut().zip(corridor.stations()).rev() {
+            if *speed > next.0 {
+                *speed = speed.min((next.0 * next.0 + 2.0 * ANTICIPATION * (next.1 - station)).sqrt());
+            }
+            next = (*speed, *station);
         }
-        Self { speeds }
     }
 
     /// At `sample`.
@@ -70,10 +80,9 @@ pub struct Wanted {
     pub braking: f64,
 }
 
-fn local(corridor: &Corridor<'_>, sample: usize) -> f64 {
-    let limit = corridor.speed_limit(sample);
-    let limit = if limit > 0.0 { limit } else { DEFAULT_SPEED_LIMIT };
-    let curvature = corridor.curvature(sample).abs();
+/// The speed (m/s) that a place on the line allows by itself.
+pub fn local(curvature: f64, limit: f64) -> f64 {
+    let curvature = curvature.abs();
     if curvature * limit * limit <= LATERAL_ACCELERATION {
         return limit;
     }

@@ -17,7 +17,7 @@ const PREVIEW: f64 = 0.2;
 const LARGEST_OFFSET: f64 = 3.0;
 
 /// The angle (rad) for a vehicle at `place`.
-pub fn angle(corridor: &Corridor<'_>, place: &Place, state: &VehicleState, wheelbase: f64) -> f64 {
+pub fn angle(corridor: &Corridor, place: &Place, state: &VehicleState, wheelbase: f64) -> f64 {
     let settling = (SETTLING_SECONDS * state.speed).max(SETTLING_METERS);
     let ahead = corridor.sample_at(place.station + PREVIEW * state.speed);
     let heading_error = angle_difference(corridor.heading(place.sample), state.heading);

@@ -4,6 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 /// `angle` (rad) brought into [-pi, pi).
 #[must_use]
+#[inline]
 pub fn wrap_angle(angle: f64) -> f64 {
     if (-PI..PI).contains(&angle) {
         return angle; // keeps the bits of what is already in range
@@ -22,6 +23,7 @@ pub fn wrap_angle_single(angle: f32) -> f32 {
 
 /// The turn (rad, in [-pi, pi)) that leads from heading `from` to heading `to`.
 #[must_use]
+#[inline]
 pub fn angle_difference(from: f64, to: f64) -> f64 {
     wrap_angle(to - from)
 }

@@ -1,9 +1,15 @@
-//! Hand-made traffic: what the planner does on a straight road and in a curve.
+//! Hand-made traffic: what the planner does on a straight road and in a curve. `same.rs`: it does what the plain algorithm does.
+
+#[allow(dead_code, reason = "other tests use more of it")]
+#[path = "../../../tests/log/mod.rs"]
+mod log;
+mod plain;
+mod same;
 
 use std::sync::Arc;
 
 use wire::node::History;
-use world::observation::ObservedAgent;
+use world::observation::{Observation, ObservedAgent};
 use world::reference_line::{ReferenceLine, ReferenceWindow};
 use world::scene::{AgentKind, AgentState, SceneId, TrackId};
 
@@ -68,7 +74,8 @@ impl Drive {
         Self { briefing, av, agents: vec![], red_at: None, control: Control::default() }
     }
 
-    fn step(&mut self, step: u32) -> UncheckedPlan {
+    /// What is seen now.
+    fn observe(&self, step: u32) -> Observation {
         let line = &self.briefing.reference_line;
         let nearest = (0..line.x.len()).min_by(|a, b| {
             let distance = |i: usize| libm::hypot(line.x[i] - self.av.x, line.y[i] - self.av.y);
@@ -85,7 +92,7 @@ impl Drive {
             speed_limit: None,
         };
         let agents = self.agents.iter().enumerate();
-        let observation = world::observation::Observation {
+        Observation {
             step,
             log_index: step,
             av: self.av,
@@ -100,11 +107,15 @@ impl Drive {
                 .collect(),
             signals: vec![],
             window,
-        };
+        }
+    }
+
+    fn step(&mut self, step: u32) -> UncheckedPlan {
+        let observation = self.observe(step);
         let history = History::new(&self.briefing);
         let input =
             StepInput { briefing: &self.briefing, observation: &observation, history: &history, prediction: None };
-        let plan = Idm.plan(&input).unwrap();
+        let plan = Idm.start(&self.briefing).unwrap().plan(&input).unwrap();
         plan.clone().check(step).unwrap();
 
         let state = VehicleState { x: self.av.x, y: self.av.y, heading: self.av.heading, speed: self.av.speed() };
