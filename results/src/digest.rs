@@ -3,9 +3,10 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use sha2::{Digest as _, Sha256};
 use thiserror::Error;
 
-use crate::files::{self, FileError};
+use crate::files::{self, FileError, hexadecimal};
 
 /// The file that holds it; written last: a run with it is complete.
 pub const DIGEST: &str = "digest";
@@ -36,12 +37,14 @@ struct Sums {
 
 impl Sums {
     fn of(folder: &Path) -> Result<Self, FileError> {
-        let paths = FILES.map(|name| folder.join(name));
+        let mut all = Sha256::new();
         let mut each = [const { String::new() }; FILES.len()];
-        for (sum, path) in each.iter_mut().zip(&paths) {
-            *sum = files::sha256([&**path])?;
+        for (sum, name) in each.iter_mut().zip(FILES) {
+            let mut own = Sha256::new();
+            files::hash(&folder.join(name), &mut [&mut all, &mut own])?;
+            *sum = hexadecimal(&own.finalize());
         }
-        Ok(Self { all: files::sha256(paths.iter().map(PathBuf::as_path))?, each })
+        Ok(Self { all: hexadecimal(&all.finalize()), each })
     }
 
     /// The digest, and below it what `sha256sum` prints of each file.

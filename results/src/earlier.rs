@@ -1,25 +1,26 @@
 //! The rows of a run that was finished once. When some of its episodes are driven again, those of the others are kept.
 
 use std::collections::BTreeMap;
+use std::iter::Peekable;
+use std::path::PathBuf;
 
 use arrow_array::RecordBatch;
 
 use crate::folder::Folder;
-use crate::parquet::{ParquetError, Table};
+use crate::parquet::{ByScene, ParquetError, Table};
 use crate::part::Standing;
 
 /// A run's files.
 pub(crate) const FILES: [&str; 3] = ["steps.parquet", "timing.parquet", "results.parquet"];
 
-/// The rows of each episode, file by file.
+/// How the episodes came out; their rows stay in their files.
 #[derive(Debug)]
 pub struct Earlier {
     standings: BTreeMap<String, Standing>,
-    files: BTreeMap<&'static str, BTreeMap<String, RecordBatch>>,
 }
 
 impl Earlier {
-    /// The rows in `folder`; none where it has no results.
+    /// What `folder` holds; none where it has no results.
     ///
     /// # Errors
     /// [`ParquetError`] where they cannot be read.
@@ -31,12 +32,7 @@ impl Earlier {
         let (failed, errors) = (results.flags("failed")?, results.text("recording_error")?);
         let standing = |(failed, error): (bool, String)| Standing { failed, unrecorded: !error.is_empty() };
         let standings = results.text("scene")?.into_iter().zip(failed.into_iter().zip(errors).map(standing));
-        let standings = standings.collect();
-        let mut files = BTreeMap::new();
-        for name in FILES {
-            files.insert(name, by_scene(&Table::read(&folder.file(name))?)?);
-        }
-        Ok(Some(Self { standings, files }))
+        Ok(Some(Self { standings: standings.collect() }))
     }
 
     /// How the episode of `scene` came out; none where it has no row.
@@ -44,22 +40,34 @@ impl Earlier {
     pub fn standing(&self, scene: &str) -> Option<Standing> {
         self.standings.get(scene).copied()
     }
-
-    /// The rows of `scene` in the file `name`; none where it has none.
-    pub(crate) fn rows(&self, name: &str, scene: &str) -> Option<RecordBatch> {
-        self.files.get(name)?.get(scene).cloned()
-    }
 }
 
-/// The rows of each scene. They stand together: a file is written episode by episode.
-fn by_scene(table: &Table) -> Result<BTreeMap<String, RecordBatch>, ParquetError> {
-    let mut scenes = BTreeMap::new();
-    let names = table.text("scene")?;
-    let Some(rows) = table.whole()? else { return Ok(scenes) };
-    let mut begin = 0;
-    for run in names.chunk_by(|one, next| one == next) {
-        scenes.insert(run[0].clone(), rows.slice(begin, run.len()));
-        begin += run.len();
+/// The rows of one file, scene by scene.
+pub(crate) struct EarlierRows {
+    path: PathBuf,
+    scenes: Peekable<ByScene>,
+}
+
+impl EarlierRows {
+    /// Those of the file `name`, which may be written anew meanwhile.
+    pub fn open(folder: &Folder, name: &str) -> Result<Self, ParquetError> {
+        let path = folder.file(name);
+        Ok(Self { scenes: ByScene::open_whole(&path)?.peekable(), path })
     }
-    Ok(scenes)
+
+    /// The rows of `scene`, if it is the next that has any: a file has its scenes in the order of the run.
+    pub fn take(&mut self, scene: &str) -> Result<Option<RecordBatch>, ParquetError> {
+        match self.scenes.next_if(|next| next.as_ref().map_or(true, |(next, _)| next == scene)) {
+            Some(next) => next?.1.whole(),
+            None => Ok(None),
+        }
+    }
+
+    /// That all were asked for.
+    pub fn end(mut self) -> Result<(), ParquetError> {
+        match self.scenes.next().transpose()? {
+            Some((scene, _)) => Err(ParquetError::Order { path: self.path, scene }),
+            None => Ok(()),
+        }
+    }
 }

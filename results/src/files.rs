@@ -36,28 +36,71 @@ pub fn read(path: &Path) -> Result<Option<Vec<u8>>, FileError> {
     }
 }
 
-/// Writes a file so that after a crash there is all of it or nothing: `.partial`, fsync, rename, fsync of the folder.
+/// A file on its way: after a crash there is all of it or nothing. It is called `.partial` until it is whole; dropped before that, it is gone:
+/// on a full disk it would hold the room that the next attempt needs.
+#[derive(Debug)]
+pub struct WholeFile {
+    file: File,
+    path: PathBuf,
+    partial: PathBuf,
+    is_named: bool,
+}
+
+impl WholeFile {
+    /// Begins the file `path`.
+    ///
+    /// # Errors
+    /// [`FileError`].
+    pub fn create(path: &Path) -> Result<Self, FileError> {
+        let partial = partial_name(path);
+        let file = File::create(&partial).map_err(at("create", &partial))?;
+        Ok(Self { file, path: path.to_owned(), partial, is_named: false })
+    }
+
+    /// Gives it its name: fsync, rename, fsync of the folder.
+    ///
+    /// # Errors
+    /// [`FileError`].
+    pub fn commit(mut self) -> Result<(), FileError> {
+        self.file.sync_all().map_err(at("write", &self.partial))?;
+        fs::rename(&self.partial, &self.path).map_err(at("rename", &self.partial))?;
+        self.is_named = true;
+        let folder = folder_of(&self.path);
+        File::open(folder).and_then(|folder| folder.sync_all()).map_err(at("write", folder))
+    }
+}
+
+impl Write for WholeFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Drop for WholeFile {
+    fn drop(&mut self) {
+        if !self.is_named {
+            let _ = fs::remove_file(&self.partial);
+        }
+    }
+}
+
+/// Writes a file whole, see [`WholeFile`].
 ///
 /// # Errors
 /// [`FileError`].
 pub fn write_whole(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> Result<(), FileError> {
-    let partial = partial_name(path);
-    let mut file = File::create(&partial).map_err(at("create", &partial))?;
-    let written = write(&mut file).and_then(|()| file.flush()).and_then(|()| file.sync_all());
-    drop(file);
-    if let Err(error) = written {
-        // On a full disk it would hold the room that the next attempt needs.
-        let _ = fs::remove_file(&partial);
-        return Err(at("write", &partial)(error));
-    }
-    fs::rename(&partial, path).map_err(at("rename", &partial))?;
-    path.parent().map_or(Ok(()), sync_folder)
+    let mut whole = WholeFile::create(path)?;
+    write(&mut whole.file).map_err(at("write", &whole.partial))?;
+    whole.commit()
 }
 
-/// Makes the names in a folder survive a crash.
-fn sync_folder(folder: &Path) -> Result<(), FileError> {
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    File::open(folder).and_then(|file| file.sync_all()).map_err(at("write", folder))
+/// Where a file is.
+pub(crate) fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// The name that a file has until it is whole.
@@ -74,10 +117,18 @@ fn partial_name(path: &Path) -> PathBuf {
 pub fn sha256<'p>(paths: impl IntoIterator<Item = &'p Path>) -> Result<String, FileError> {
     let mut hash = Sha256::new();
     for path in paths {
-        let mut file = File::open(path).map_err(at("open", path))?;
-        io::copy(&mut file, &mut HashWriter(&mut hash)).map_err(at("read", path))?;
+        self::hash(path, &mut [&mut hash])?;
     }
     Ok(hexadecimal(&hash.finalize()))
+}
+
+/// Adds a file's bytes to each of these sums.
+///
+/// # Errors
+/// [`FileError`] where it cannot be read.
+pub fn hash(path: &Path, sums: &mut [&mut Sha256]) -> Result<(), FileError> {
+    let mut file = File::open(path).map_err(at("open", path))?;
+    io::copy(&mut file, &mut Sums(sums)).map_err(at("read", path)).map(drop)
 }
 
 /// As lower-case digits, two a byte.
@@ -86,11 +137,11 @@ pub fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-struct HashWriter<'a>(&'a mut Sha256);
+struct Sums<'a, 'b>(&'a mut [&'b mut Sha256]);
 
-impl Write for HashWriter<'_> {
+impl Write for Sums<'_, '_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.update(bytes);
+        self.0.iter_mut().for_each(|sum| sum.update(bytes));
         Ok(bytes.len())
     }
 

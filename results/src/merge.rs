@@ -1,46 +1,66 @@
 //! The parts of a run, merged into its files when the last episode is done.
 
-use std::sync::Arc;
-
 use arrow_array::RecordBatch;
 use arrow_schema::ArrowError;
 
 use crate::columns::{self, Common};
 use crate::digest;
-use crate::earlier::Earlier;
+use crate::earlier::{Earlier, EarlierRows, FILES};
 use crate::folder::Folder;
-use crate::parquet::{self, ParquetError};
+use crate::parquet::{ParquetError, Writer};
 use crate::part::Part;
 use crate::settings::{RunFile, SceneLine};
 
 /// Merges the parts of a run, in the order of its scenes, into its three files, and then writes its digest, which says that the
-/// run is complete. An episode without a part has the rows that it had in `earlier`.
+/// run is complete. An episode without a part has the rows that it had in `earlier`. Each part is read once, and shown to `on_part` with
+/// the place of its scene.
 ///
 /// # Errors
 /// [`ParquetError`] where the disk fails.
-pub fn merge(folder: &Folder, file: &RunFile, earlier: Option<&Earlier>) -> Result<(), ParquetError> {
+pub fn merge(
+    folder: &Folder,
+    file: &RunFile,
+    earlier: Option<&Earlier>,
+    mut on_part: impl FnMut(usize, &Part),
+) -> Result<(), ParquetError> {
     let common = Common {
         driver: &file.settings.driver,
         protocol: file.settings.protocol.name(),
         motion: file.settings.protocol.motion_name(),
     };
-    let write = |name: &str, rows: &dyn Fn(&SceneLine, &Part) -> Result<RecordBatch, ArrowError>| {
-        let nothing = SceneLine { id: String::new(), sha256: String::new() };
-        let schema = rows(&nothing, &Part::default())?.schema();
-        let batches = file.scenes.iter().map(|scene| match (folder.part(&scene.id)?, earlier) {
-            (Some(part), _) => Ok(rows(scene, &part)?),
-            (None, Some(earlier)) if earlier.standing(&scene.id).is_some() => {
-                let kept = earlier.rows(name, &scene.id);
-                Ok(kept.unwrap_or_else(|| RecordBatch::new_empty(Arc::clone(&schema))))
+    let mut merged = Vec::new();
+    let nothing = SceneLine { id: String::new(), sha256: String::new() };
+    for (name, rows) in FILES.into_iter().zip(rows(common, &nothing, &Part::default())?) {
+        let writer = Writer::create(&folder.file(name), rows.schema())?;
+        merged.push((writer, earlier.map(|_| EarlierRows::open(folder, name)).transpose()?));
+    }
+    for (place, scene) in file.scenes.iter().enumerate() {
+        let part = folder.part(&scene.id)?;
+        if part.is_none() && earlier.is_none_or(|earlier| earlier.standing(&scene.id).is_none()) {
+            return Err(ParquetError::Part(scene.id.clone()));
+        }
+        let new = match &part {
+            Some(part) => {
+                on_part(place, part);
+                rows(common, scene, part)?.map(Some)
             }
-            (None, _) => Err(ParquetError::Part(scene.id.clone())),
-        });
-        parquet::write(&folder.file(name), Arc::clone(&schema), batches)
-    };
-    write("steps.parquet", &|_, part| columns::steps(common, part))?;
-    write("timing.parquet", &columns::timing)?;
-    write("results.parquet", &|scene, part| columns::results(common, scene, part))?;
+            None => Default::default(),
+        };
+        for ((writer, earlier), new) in merged.iter_mut().zip(new) {
+            let old = earlier.as_mut().map_or(Ok(None), |earlier| earlier.take(&scene.id))?;
+            new.or(old).map_or(Ok(()), |rows| writer.write(&rows))?;
+        }
+    }
+    for (writer, earlier) in merged {
+        earlier.map_or(Ok(()), EarlierRows::end)?;
+        writer.commit()?;
+    }
     Ok(digest::write(folder.path())?)
+}
+
+/// An episode's rows in each of [`FILES`].
+fn rows(common: Common<'_>, scene: &SceneLine, part: &Part) -> Result<[RecordBatch; FILES.len()], ArrowError> {
+    Ok([columns::steps(common, part)?, columns::timing(scene, part)?, columns::results(common, scene, part)?])
 }
 
 #[cfg(test)]
@@ -51,6 +71,7 @@ mod tests {
     use super::*;
     use crate::digest::digest;
     use crate::folder::Opened;
+    use crate::parquet::Table;
     use crate::part;
     use crate::settings::tests::run_file;
     use wire::proto::{AgentState, EndReason, EpisodeEnd, Metric, StepRecord};
@@ -77,7 +98,7 @@ mod tests {
         // Stored in another order than the scenes have.
         folder.store("a", &part("a", 0)).unwrap();
         folder.store("b", &part("b", 3)).unwrap();
-        merge(&folder, &file, None).unwrap();
+        merge(&folder, &file, None, |_, _| {}).unwrap();
         folder
     }
 
@@ -85,14 +106,14 @@ mod tests {
     fn rows_are_in_the_order_of_the_scenes_and_read_back() {
         let root = tempfile::tempdir().unwrap();
         let folder = finished(root.path());
-        let results = parquet::Table::read(&folder.file("results.parquet")).unwrap();
+        let results = Table::read(&folder.file("results.parquet")).unwrap();
         assert_eq!(results.text("scene").unwrap(), ["b", "a"]);
         assert_eq!(results.text("scene_sha256").unwrap(), ["hash of b", "hash of a"]);
         assert_eq!(results.text("end_reason").unwrap(), ["horizon", "driver-failed"]);
         assert_eq!(results.flags("failed").unwrap(), [false, true]);
         assert_eq!(results.numbers().unwrap()["progress_m"], [Some(3.0), Some(0.0)]);
         assert_eq!(results.numbers().unwrap()["nuplan_score"], [None, None]);
-        let steps = parquet::Table::read(&folder.file("steps.parquet")).unwrap();
+        let steps = Table::read(&folder.file("steps.parquet")).unwrap();
         assert_eq!(steps.text("scene").unwrap(), ["b", "b", "b"]);
         assert_eq!(steps.numbers().unwrap()["human_x_m"], [Some(1.0), Some(1.0), None]);
         let summary = crate::summary::Summary::read(root.path()).unwrap();
@@ -117,7 +138,7 @@ mod tests {
         let roots = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
         let undisturbed = finished(roots[0].path());
         undisturbed.store("a", &part("a", 4)).unwrap();
-        merge(&undisturbed, &file(), None).unwrap();
+        merge(&undisturbed, &file(), None, |_, _| {}).unwrap();
 
         let healed = finished(roots[1].path());
         healed.remove_parts().unwrap();
@@ -126,7 +147,7 @@ mod tests {
         healed.reopen().unwrap();
         assert!(!healed.is_finished());
         healed.store("a", &part("a", 4)).unwrap();
-        merge(&healed, &file(), Some(&earlier)).unwrap();
+        merge(&healed, &file(), Some(&earlier), |_, _| {}).unwrap();
         for name in ["results.parquet", "steps.parquet", "timing.parquet", "digest"] {
             assert!(
                 fs::read(healed.file(name)).unwrap() == fs::read(undisturbed.file(name)).unwrap(),
@@ -141,7 +162,7 @@ mod tests {
         let scenes = vec![SceneLine { id: "a".to_owned(), sha256: String::new() }];
         let file = RunFile { scenes, ..run_file() };
         let Ok(Opened::New(folder)) = Folder::open(root.path(), &file) else { panic!("it is new") };
-        assert_eq!(merge(&folder, &file, None).unwrap_err().to_string(), "the part of a is missing");
+        assert_eq!(merge(&folder, &file, None, |_, _| {}).unwrap_err().to_string(), "the part of a is missing");
         assert!(!folder.is_finished());
     }
 }

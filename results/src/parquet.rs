@@ -2,24 +2,23 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
-use std::io;
 use std::path::{Path, PathBuf};
 
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float64Type, UInt32Type};
 use arrow_array::{Array, BooleanArray, RecordBatch};
-use arrow_schema::{DataType, SchemaRef};
+use arrow_schema::DataType;
 use arrow_select::filter::filter_record_batch;
+use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder};
-use parquet::arrow::{ArrowWriter, ProjectionMask};
-use parquet::basic::{Compression, ZstdLevel};
-use parquet::file::properties::WriterProperties;
 use thiserror::Error;
 
-use crate::files::{FileError, at, write_whole};
+use crate::files::{FileError, at};
 
-/// Rows that are compressed together.
-const ROW_GROUP: usize = 1 << 17;
+pub use writer::{Writer, write};
+
+mod scratch;
+mod writer;
 
 /// A results file that cannot be written or used.
 #[derive(Debug, Error)]
@@ -33,40 +32,10 @@ pub enum ParquetError {
     Rows(#[from] arrow_schema::ArrowError),
     #[error("the part of {0} is missing")]
     Part(String),
+    #[error("{}: the rows of {scene} do not stand in the order of the run's scenes\nhint: the file was changed; drive the run again into another folder with --out", path.display())]
+    Order { path: PathBuf, scene: String },
     #[error("{} has no column {column} of the right type\nhint: another version wrote it; run it again", path.display())]
     Column { path: PathBuf, column: String },
-}
-
-/// Writes `batches`, all of `schema`, under `path`.
-///
-/// # Errors
-/// [`ParquetError`].
-pub fn write(
-    path: &Path,
-    schema: SchemaRef,
-    batches: impl IntoIterator<Item = Result<RecordBatch, ParquetError>>,
-) -> Result<(), ParquetError> {
-    let properties = WriterProperties::builder()
-        .set_compression(Compression::ZSTD(ZstdLevel::default()))
-        .set_max_row_group_row_count(Some(ROW_GROUP))
-        // The library's version must not change the bytes of a result.
-        .set_created_by("reloop".to_owned())
-        .build();
-    let mut failed = None;
-    let written = write_whole(path, |file| {
-        let mut writer = ArrowWriter::try_new(file, schema, Some(properties)).map_err(io::Error::other)?;
-        for batch in batches {
-            match batch {
-                Ok(batch) => writer.write(&batch).map_err(io::Error::other)?,
-                Err(error) => {
-                    failed = Some(error);
-                    return Err(io::Error::other("rows are missing"));
-                }
-            }
-        }
-        writer.close().map(drop).map_err(io::Error::other)
-    });
-    failed.map_or_else(|| written.map_err(ParquetError::from), Err)
 }
 
 /// A table, read whole.
@@ -82,10 +51,7 @@ impl Table {
     /// # Errors
     /// [`ParquetError`].
     pub fn read(path: &Path) -> Result<Self, ParquetError> {
-        let file = File::open(path).map_err(at("open", path))?;
-        let format = |source| ParquetError::Format { path: path.to_owned(), source };
-        let reader = ParquetRecordBatchReaderBuilder::try_new(file).map_err(format)?.build().map_err(format)?;
-        let batches = reader.collect::<Result<Vec<_>, _>>()?;
+        let batches = reader_of(path, None)?.collect::<Result<Vec<_>, _>>()?;
         Ok(Self { path: path.to_owned(), batches })
     }
 
@@ -95,7 +61,7 @@ impl Table {
     /// # Errors
     /// [`ParquetError`].
     pub fn read_of(path: &Path, columns: &[&str], scenes: &BTreeSet<&str>) -> Result<Self, ParquetError> {
-        let reader = reader_of(path, columns)?;
+        let reader = reader_of(path, Some(columns))?;
         let mut table = Self { path: path.to_owned(), batches: Vec::new() };
         for batch in reader {
             let batch = batch?;
@@ -149,11 +115,24 @@ impl Table {
     /// # Errors
     /// [`ParquetError::Column`].
     pub fn numbers(&self) -> Result<BTreeMap<String, Vec<Option<f64>>>, ParquetError> {
-        let Some(first) = self.batches.first() else { return Ok(BTreeMap::new()) };
+        self.number_columns().into_iter().map(|name| Ok((name.clone(), self.number(&name)?))).collect()
+    }
+
+    /// The names of the columns of numbers.
+    #[must_use]
+    pub fn number_columns(&self) -> Vec<String> {
+        let Some(first) = self.batches.first() else { return Vec::new() };
         let schema = first.schema();
         let fields = schema.fields().iter().filter(|field| *field.data_type() == DataType::Float64);
-        let values = |array: &dyn Array| array.as_primitive::<Float64Type>().iter().collect();
-        fields.map(|f| Ok((f.name().clone(), self.column(f.name(), &DataType::Float64, values)?))).collect()
+        fields.map(|field| field.name().clone()).collect()
+    }
+
+    /// A column of numbers.
+    ///
+    /// # Errors
+    /// [`ParquetError::Column`].
+    pub fn number(&self, name: &str) -> Result<Vec<Option<f64>>, ParquetError> {
+        self.column(name, &DataType::Float64, |array| array.as_primitive::<Float64Type>().iter().collect())
     }
 
     fn column<T>(
@@ -162,23 +141,32 @@ impl Table {
         kind: &DataType,
         values: impl Fn(&dyn Array) -> Vec<T>,
     ) -> Result<Vec<T>, ParquetError> {
-        let wrong = || ParquetError::Column { path: self.path.clone(), column: name.to_owned() };
         let mut all = Vec::new();
         for batch in &self.batches {
-            let array = batch.column_by_name(name).filter(|array| array.data_type() == kind).ok_or_else(wrong)?;
+            let array = batch.column_by_name(name).filter(|array| array.data_type() == kind);
+            let array = array.ok_or_else(|| missing(&self.path, name))?;
             all.extend(values(array.as_ref()));
         }
         Ok(all)
     }
 }
 
-/// Reads these columns and the scene's.
-fn reader_of(path: &Path, columns: &[&str]) -> Result<ParquetRecordBatchReader, ParquetError> {
+fn missing(path: &Path, column: &str) -> ParquetError {
+    ParquetError::Column { path: path.to_owned(), column: column.to_owned() }
+}
+
+/// Reads these columns and the scene's; all where none are named.
+fn reader_of(path: &Path, columns: Option<&[&str]>) -> Result<ParquetRecordBatchReader, ParquetError> {
     let file = File::open(path).map_err(at("open", path))?;
     let format = |source| ParquetError::Format { path: path.to_owned(), source };
     let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(format)?;
-    let named = std::iter::once("scene").chain(columns.iter().copied());
-    let mask = ProjectionMask::columns(builder.parquet_schema(), named);
+    let mask = match columns {
+        Some(columns) => {
+            let named = std::iter::once("scene").chain(columns.iter().copied());
+            ProjectionMask::columns(builder.parquet_schema(), named)
+        }
+        None => ProjectionMask::all(),
+    };
     builder.with_projection(mask).build().map_err(format)
 }
 
@@ -196,7 +184,15 @@ impl ByScene {
     /// # Errors
     /// [`ParquetError`].
     pub fn open(path: &Path, columns: &[&str]) -> Result<Self, ParquetError> {
-        Ok(Self { path: path.to_owned(), reader: reader_of(path, columns)?, rest: None })
+        Ok(Self { path: path.to_owned(), reader: reader_of(path, Some(columns))?, rest: None })
+    }
+
+    /// All columns of the file under `path`.
+    ///
+    /// # Errors
+    /// [`ParquetError`].
+    pub fn open_whole(path: &Path) -> Result<Self, ParquetError> {
+        Ok(Self { path: path.to_owned(), reader: reader_of(path, None)?, rest: None })
     }
 
     fn following(&mut self) -> Result<Option<(String, Table)>, ParquetError> {
@@ -210,16 +206,18 @@ impl ByScene {
                     None => return Ok(told.map(|scene| (scene, table))),
                 },
             };
-            let one = Table { path: self.path.clone(), batches: vec![batch.clone()] };
-            let scenes = one.text("scene")?;
-            let Some(first) = scenes.first() else { continue };
-            let scene = told.get_or_insert_with(|| first.clone());
-            let rows = scenes.iter().take_while(|other| *other == scene).count();
+            let names = batch.column_by_name("scene").and_then(|names| names.as_string_opt::<i32>());
+            let names = names.ok_or_else(|| missing(&self.path, "scene"))?;
+            if names.is_empty() {
+                continue;
+            }
+            let scene = told.get_or_insert_with(|| names.value(0).to_owned());
+            let rows = (0..names.len()).take_while(|row| names.value(*row) == scene).count();
             if rows > 0 {
                 table.batches.push(batch.slice(0, rows));
             }
-            if rows < scenes.len() {
-                self.rest = Some(batch.slice(rows, scenes.len() - rows));
+            if rows < names.len() {
+                self.rest = Some(batch.slice(rows, names.len() - rows));
                 return Ok(told.map(|scene| (scene, table)));
             }
         }

@@ -95,7 +95,8 @@ impl Summary {
         let errors = table.text("recording_error")?;
         let broken = errors.into_iter().enumerate().filter(|(_, error)| !error.is_empty());
         let broken_recordings = broken.map(|(row, error)| (scenes[row].0.clone(), error)).collect();
-        let means = table.numbers()?.into_iter().map(|(name, values)| (name, mean(&values, &failed))).collect();
+        let mean = |name: String| table.number(&name).map(|values| (name, mean(&values, &failed)));
+        let means = table.number_columns().into_iter().map(mean).collect::<Result<_, _>>()?;
         let fork = file.settings.fork.as_ref().map(ToString::to_string);
         Ok(Self {
             folder: folder.to_owned(),

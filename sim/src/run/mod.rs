@@ -32,6 +32,7 @@ use results::digest::DigestError;
 use results::files::FileError;
 use results::folder::{Folder, FolderError, Opened};
 use results::parquet::ParquetError;
+use results::part::Part;
 use results::settings::Record;
 use results::settings::{Build, Planner, RunFile, SceneLine};
 use scenarios::{SceneSet, SetError};
@@ -268,8 +269,12 @@ fn drive_pending(
         Ending::Interrupted => return Err(RunError::Interrupted { state: state() }),
     }
     let mut breakdown = Breakdown::default();
-    pending.iter().filter_map(|index| part(&shared.file.scenes[*index])).for_each(|part| breakdown.add(&part));
-    results::merge(&shared.folder, &shared.file, earlier.as_ref())
+    let on_part = |place: usize, part: &Part| {
+        if pending.binary_search(&place).is_ok() {
+            breakdown.add(part);
+        }
+    };
+    results::merge(&shared.folder, &shared.file, earlier.as_ref(), on_part)
         .map_err(|error| RunError::Broken { reason: error.to_string(), state: state() })?;
     shared.folder.remove_parts()?;
     Ok(Done { folder: path, breakdown })

@@ -1,0 +1,216 @@
+//! A Parquet file under construction, in bounded memory.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use arrow_array::{ArrayRef, RecordBatch};
+use arrow_schema::{ArrowError, SchemaRef};
+use parquet::arrow::ArrowWriter;
+use parquet::arrow::arrow_writer::{ArrowRowGroupWriterFactory, compute_leaves};
+use parquet::basic::{Compression, ZstdLevel};
+use parquet::errors::ParquetError as Encoding;
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::SerializedFileWriter;
+
+use super::ParquetError;
+use super::scratch::{Pile, Scratch};
+use crate::files::{WholeFile, at};
+
+/// Rows that are compressed together.
+const ROW_GROUP: usize = 1 << 17;
+
+/// Batches that become one: most episodes have one row, and each array some 300 bytes of its own.
+const PILE: usize = 64;
+
+/// A file on its way, the same bytes for the same batches. The rows of the open row group wait in a scratch file, to be encoded column by
+/// column when it is full: rows in memory need 40 MB, and encoders of all columns at once thrice that, each with a dictionary of its own.
+pub struct Writer {
+    path: PathBuf,
+    file: SerializedFileWriter<WholeFile>,
+    columns: ArrowRowGroupWriterFactory,
+    schema: SchemaRef,
+    /// Rows in the open row group.
+    rows: usize,
+    /// The last of them.
+    fresh: Vec<RecordBatch>,
+    /// Those before.
+    scratch: Option<Scratch>,
+}
+
+impl Writer {
+    /// Begins the file `path`, of rows of this schema.
+    ///
+    /// # Errors
+    /// [`ParquetError`].
+    pub fn create(path: &Path, schema: SchemaRef) -> Result<Self, ParquetError> {
+        let properties = WriterProperties::builder()
+            .set_compression(Compression::ZSTD(ZstdLevel::default()))
+            // The library's version must not change the bytes of a result.
+            .set_created_by("reloop".to_owned())
+            .build();
+        let writer = ArrowWriter::try_new(WholeFile::create(path)?, SchemaRef::clone(&schema), Some(properties));
+        let writer = writer.and_then(ArrowWriter::into_serialized_writer);
+        let (file, columns) = writer.map_err(|error| cannot_write(path, error))?;
+        Ok(Self { path: path.to_owned(), file, columns, schema, rows: 0, fresh: Vec::new(), scratch: None })
+    }
+
+    /// Appends a batch.
+    ///
+    /// # Errors
+    /// [`ParquetError`].
+    pub fn write(&mut self, batch: &RecordBatch) -> Result<(), ParquetError> {
+        if batch.schema_ref().fields() != self.schema.fields() {
+            return Err(ArrowError::SchemaError("they have other columns".to_owned()).into());
+        }
+        let mut rest = batch.clone();
+        while rest.num_rows() > 0 {
+            let fit = rest.num_rows().min(ROW_GROUP - self.rows);
+            self.fresh.push(rest.slice(0, fit));
+            self.rows += fit;
+            rest = rest.slice(fit, rest.num_rows() - fit);
+            if self.rows == ROW_GROUP {
+                self.close_row_group()?;
+            } else if self.fresh.len() == PILE {
+                let pile = Pile::of(&self.schema, &mut self.fresh)?;
+                let kept = Scratch::keep(&mut self.scratch, &self.path, &self.schema, pile);
+                kept.map_err(|error| cannot_write(&self.path, error))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes what waits, and gives the file its name.
+    ///
+    /// # Errors
+    /// [`ParquetError`].
+    pub fn commit(mut self) -> Result<(), ParquetError> {
+        if self.rows > 0 {
+            self.close_row_group()?;
+        }
+        let file = self.file.into_inner().map_err(|error| cannot_write(&self.path, error))?;
+        Ok(file.commit()?)
+    }
+
+    fn close_row_group(&mut self) -> Result<(), ParquetError> {
+        let last = Pile::of(&self.schema, &mut self.fresh)?;
+        self.encode(&last).map_err(|error| cannot_write(&self.path, error))?;
+        self.rows = 0;
+        Ok(())
+    }
+
+    fn encode(&mut self, last: &Pile) -> Result<(), Encoding> {
+        let kept = self.scratch.take().map(Scratch::read).transpose()?;
+        let encoders = self.columns.create_column_writers(self.file.flushed_row_groups().len())?;
+        let mut group = self.file.next_row_group()?;
+        for (column, (field, mut encoder)) in self.schema.fields().iter().zip(encoders).enumerate() {
+            let mut encode = |values: &ArrayRef, lengths: &[usize]| {
+                let mut from = 0;
+                for length in lengths {
+                    for leaf in compute_leaves(field, &values.slice(from, *length))? {
+                        encoder.write(&leaf)?;
+                    }
+                    from += length;
+                }
+                Ok(())
+            };
+            kept.as_ref().map_or(Ok(()), |kept| kept.for_each(column, &mut encode))?;
+            encode(last.rows.column(column), &last.lengths)?;
+            encoder.close()?.append_to_row_group(&mut group)?;
+        }
+        group.close()?;
+        Ok(())
+    }
+}
+
+fn cannot_write(path: &Path, error: Encoding) -> ParquetError {
+    at("write", path)(io::Error::other(error)).into()
+}
+
+/// Writes `batches`, all of `schema`, under `path`.
+///
+/// # Errors
+/// [`ParquetError`].
+pub fn write(
+    path: &Path,
+    schema: SchemaRef,
+    batches: impl IntoIterator<Item = Result<RecordBatch, ParquetError>>,
+) -> Result<(), ParquetError> {
+    let mut writer = Writer::create(path, schema)?;
+    batches.into_iter().try_for_each(|batch| writer.write(&batch?))?;
+    writer.commit()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::sync::Arc;
+
+    use arrow_array::{BooleanArray, Float64Array, StringArray};
+
+    use super::*;
+
+    /// Rows of all kinds that hardly repeat, from the row `first` on.
+    fn batch(first: usize, rows: usize) -> RecordBatch {
+        let rows = first..first + rows;
+        let text = |row: usize| if row.is_multiple_of(3) { String::new() } else { format!("row {row}") };
+        let number = |row: usize| (!row.is_multiple_of(7)).then_some((row as f64).sqrt());
+        let columns: [(&str, ArrayRef, bool); 3] = [
+            ("text", Arc::new(StringArray::from_iter_values(rows.clone().map(text))), false),
+            ("number", Arc::new(Float64Array::from_iter(rows.clone().map(number))), true),
+            ("flag", Arc::new(BooleanArray::from(rows.map(|row| row.is_multiple_of(5)).collect::<Vec<_>>())), false),
+        ];
+        RecordBatch::try_from_iter_with_nullable(columns).unwrap()
+    }
+
+    /// Batches of these lengths, over and over, as long as there are rows.
+    fn batches(lengths: &[usize], mut rows: usize) -> Vec<RecordBatch> {
+        let mut batches = Vec::new();
+        let mut first = 0;
+        for length in lengths.iter().cycle() {
+            let length = rows.min(*length);
+            batches.push(batch(first, length));
+            (first, rows) = (first + length, rows - length);
+            if rows == 0 {
+                break;
+            }
+        }
+        batches
+    }
+
+    #[test]
+    fn the_bytes_are_those_of_all_columns_encoded_at_once() {
+        let root = tempfile::tempdir().unwrap();
+        for (lengths, rows) in [
+            (&[150, 1, 0, 149][..], ROW_GROUP + 1_000),
+            (&[ROW_GROUP][..], 2 * ROW_GROUP),
+            (&[3 * ROW_GROUP][..], 2 * ROW_GROUP + 7),
+            (&[1][..], 3_000),
+        ] {
+            let batches = batches(lengths, rows);
+            let schema = batches[0].schema();
+            let [ours, theirs] = ["ours", "theirs"].map(|name| root.path().join(name));
+            write(&ours, Arc::clone(&schema), batches.iter().cloned().map(Ok)).unwrap();
+            let properties = WriterProperties::builder()
+                .set_compression(Compression::ZSTD(ZstdLevel::default()))
+                .set_max_row_group_row_count(Some(ROW_GROUP))
+                .set_created_by("reloop".to_owned());
+            let file = fs::File::create(&theirs).unwrap();
+            let mut writer = ArrowWriter::try_new(file, schema, Some(properties.build())).unwrap();
+            batches.iter().for_each(|batch| writer.write(batch).unwrap());
+            writer.close().unwrap();
+            assert!(fs::read(ours).unwrap() == fs::read(theirs).unwrap(), "batches of {lengths:?}");
+        }
+    }
+
+    #[test]
+    fn rows_of_other_columns_are_refused_and_no_file_is_left() {
+        let root = tempfile::tempdir().unwrap();
+        let rows = batch(0, 3);
+        let mut writer = Writer::create(&root.path().join("rows"), rows.schema()).unwrap();
+        writer.write(&rows).unwrap();
+        let error = writer.write(&rows.project(&[0, 2]).unwrap()).unwrap_err();
+        assert_eq!(error.to_string(), "rows do not fit together: Schema error: they have other columns");
+        drop(writer);
+        assert_eq!(fs::read_dir(root.path()).unwrap().count(), 0);
+    }
+}
