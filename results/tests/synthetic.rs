@@ -22,6 +22,7 @@ pub fn run_file(scenes: usize) -> RunFile {
     };
     let machine = Machine {
         parallel: 1,
+        in_process: false,
         pin: false,
         start_timeout_s: 20.0,
         endpoint: None,
