@@ -1,19 +1,27 @@
 //! How fast an episode steps, without nodes and recorder: 128 agents around the AV; collision, time to collision, route,
 //! lanes, road and signals judged. `cargo bench -p episode --bench step`.
 //!
-//! Each line is a whole drive of 150 steps; the throughput is steps per second. The floor is what no judge of 128 agents can
+//! Each line of `step` is a whole drive of 150 steps; the throughput is steps per second. The floor is what no judge of 128 agents can
 //! be faster than: reading three numbers of each and comparing.
+//!
+//! The groups `prepare` are of a generated town, and of a real scene of 9 s where one is at hand (`RELOOP_SHARED`, or `../shared` beside
+//! the repository): what it costs to read, to lint and to prepare it, and its whole drive by the logged AV, all of that included. Their
+//! floor is one pass over the points of the map, each compared with one place.
 
 #![allow(missing_docs, clippy::unwrap_used, reason = "a bench")]
 
 use std::hint::black_box;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use episode::Episode;
-use episode::driver::Driver;
+use episode::driver::{Driver, drive};
 use episode::protocol::{EndingCollision, Protocol, StrictSettings};
 use episode::strict::traffic::Traffic;
+use scenarios::generated::{FAMILIES, Parameters};
+use scenarios::lint::lint;
+use scenarios::{SceneSet, womd};
 use world::geometry::Point;
 use world::plan::Plan;
 use world::scene::Scene;
@@ -112,5 +120,51 @@ fn step(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, step);
+/// What a scene is read from.
+fn payloads() -> Vec<(&'static str, Vec<u8>)> {
+    let town = FAMILIES.iter().find(|family| family.name == "town").unwrap();
+    let mut payloads = vec![("town", town.payload("bench", 1, 0, &Parameters::default()).unwrap())];
+    let repository = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
+    let shared = std::env::var_os("RELOOP_SHARED").map(PathBuf::from);
+    let places = shared.into_iter().chain(["../shared", "../../shared"].map(|place| repository.join(place)));
+    if let Some(folder) = places.map(|place| place.join("data/womd-derived/9s")).find(|folder| folder.is_dir()) {
+        let set = SceneSet::open(&[folder.display().to_string()]).unwrap();
+        payloads.push(("real", set.payload(0).unwrap().to_vec()));
+    }
+    payloads
+}
+
+fn prepare(criterion: &mut Criterion) {
+    for (name, payload) in payloads() {
+        let mut group = criterion.benchmark_group(format!("prepare/{name}"));
+        group.sample_size(20);
+        let read = || {
+            let (scene, findings) = womd::read(&payload).unwrap();
+            (Arc::new(scene), findings)
+        };
+        let (scene, findings) = read();
+        let new = |scene: &Arc<Scene>| Episode::new(Arc::clone(scene), &Protocol::default()).unwrap();
+        group.bench_function("read", |bencher| bencher.iter(read));
+        group.bench_function("lint", |bencher| bencher.iter(|| lint(&scene, &findings)));
+        group.bench_function("new", |bencher| bencher.iter(|| new(&scene)));
+        group.bench_function("read_lint_and_drive", |bencher| {
+            bencher.iter(|| {
+                let (scene, findings) = read();
+                (lint(&scene, &findings), drive(new(&scene), &mut LogReplay(scene)))
+            });
+        });
+        let map = scene.map();
+        let lanes = map.lanes.iter().map(|lane| &lane.centerline);
+        let lines = map.road_lines.iter().map(|line| &line.polyline);
+        let edges = map.road_edges.iter().map(|edge| &edge.polyline);
+        let points: Vec<Point> = lanes.chain(lines).chain(edges).flatten().map(|point| point.xy()).collect();
+        group.bench_function("floor_one_pass_over_the_map", |bencher| {
+            let near = |place: Point| points.iter().filter(|point| point.distance_squared(place) < 100.0).count();
+            bencher.iter(|| near(black_box(points[0])));
+        });
+        group.finish();
+    }
+}
+
+criterion_group!(benches, step, prepare);
 criterion_main!(benches);

@@ -1,6 +1,8 @@
 //! Which point of which lane a pose is on.
 
-use crate::geometry::{Point, Point3, PointGrid, Pose};
+use std::sync::OnceLock;
+
+use crate::geometry::{Point, Point3, PointGrid, Pose, angle_difference};
 use crate::map::Map;
 
 /// How far a lane point's heading may differ from the pose's in the authors' rule (rad): 10 degrees, inclusive.
@@ -13,7 +15,8 @@ pub struct LanePoints {
     firsts: Vec<usize>,
     /// For each point its lane's index.
     lanes: Vec<u32>,
-    headings: Vec<f64>,
+    /// The direction (rad) from each to the next, as far as it was asked for.
+    headings: Vec<OnceLock<f64>>,
     heights: Vec<f64>,
     /// For each point its distance (m) along its lane.
     stations: Vec<f64>,
@@ -39,18 +42,18 @@ impl LanePoints {
     /// The points of every lane of `map` that `accept` takes, by index.
     #[must_use]
     pub fn new(map: &Map, accept: impl Fn(usize) -> bool) -> Self {
-        let (mut firsts, mut lanes, mut headings) = (vec![0], Vec::new(), Vec::new());
+        let (mut firsts, mut lanes) = (vec![0], Vec::new());
         let (mut points, mut heights, mut stations) = (Vec::new(), Vec::new(), Vec::new());
         for (index, lane) in map.lanes.iter().enumerate() {
             if accept(index) {
                 points.extend(lane.centerline.iter().map(|point| point.xy()));
                 heights.extend(lane.centerline.iter().map(|point| point.z));
-                headings.extend(lane_headings(&lane.centerline));
                 stations.extend(lane_stations(&lane.centerline));
                 lanes.resize(points.len(), index as u32);
             }
             firsts.push(points.len());
         }
+        let headings = vec![OnceLock::new(); points.len()];
         Self { firsts, lanes, headings, heights, stations, grid: PointGrid::new(points, 4.0) }
     }
 
@@ -61,7 +64,7 @@ impl LanePoints {
     /// zero; a pose whose heading has wound up further may match nothing or a wrong lane, here as there.
     #[must_use]
     pub fn authors_match(&self, pose: Pose) -> Option<LaneMatch> {
-        let accept = |number: usize| authors_difference(pose.heading, self.headings[number]) <= HEADING_TOLERANCE;
+        let accept = |number: usize| authors_difference(pose.heading, self.heading_at(number)) <= HEADING_TOLERANCE;
         let (number, distance) = self.grid.nearest_where(pose.position(), f64::INFINITY, accept)?;
         Some(self.matched(number, distance))
     }
@@ -70,8 +73,7 @@ impl LanePoints {
     /// equals.
     #[must_use]
     pub fn nearest(&self, pose: Pose, radius: f64, tolerance: f64) -> Option<LaneMatch> {
-        let accept =
-            |number: usize| crate::geometry::angle_difference(pose.heading, self.headings[number]).abs() <= tolerance;
+        let accept = |number: usize| angle_difference(pose.heading, self.heading_at(number)).abs() <= tolerance;
         let (number, distance) = self.grid.nearest_where(pose.position(), radius, accept)?;
         Some(self.matched(number, distance))
     }
@@ -87,8 +89,8 @@ impl LanePoints {
         storey: f64,
     ) -> Option<LaneMatch> {
         let accept = |number: usize| {
-            crate::geometry::angle_difference(pose.heading, self.headings[number]).abs() <= tolerance
-                && (self.heights[number] - ground).abs() <= storey
+            (self.heights[number] - ground).abs() <= storey
+                && angle_difference(pose.heading, self.heading_at(number)).abs() <= tolerance
         };
         let (number, distance) = self.grid.nearest_where(pose.position(), radius, accept)?;
         Some(self.matched(number, distance))
@@ -104,7 +106,7 @@ impl LanePoints {
     /// The heading of a lane at one of its points (rad).
     #[must_use]
     pub fn heading(&self, matched: &LaneMatch) -> f64 {
-        self.headings[self.firsts[matched.lane] + matched.point]
+        self.heading_at(self.firsts[matched.lane] + matched.point)
     }
 
     /// The point itself, with its height.
@@ -128,26 +130,27 @@ impl LanePoints {
         let first = self.firsts[lane];
         let gap = self.grid.points()[first].distance(self.grid.points()[last]);
         let climb = (self.heights[first] - self.heights[last]).abs();
-        let turn = Point::unit(self.headings[first]).dot(Point::unit(self.headings[last]));
+        let turn = Point::unit(self.heading_at(first)).dot(Point::unit(self.heading_at(last)));
         let length = self.stations[last] + gap;
         // A lane that is as short as the gap has no round to it.
         let is_closed = gap.max(climb) <= CLOSED_WITHIN && turn >= CLOSED_COSINE && length > 4.0 * CLOSED_WITHIN;
         is_closed.then_some(length)
     }
 
+    /// The direction from a point to the next; the last one's is that of the one before, a single point's is 0.
+    fn heading_at(&self, number: usize) -> f64 {
+        *self.headings[number].get_or_init(|| {
+            let lane = self.lanes[number] as usize;
+            let points = &self.grid.points()[self.firsts[lane]..self.firsts[lane + 1]];
+            let from = (number - self.firsts[lane]).min(points.len().saturating_sub(2));
+            points.get(from + 1).map_or(0.0, |next| (*next - points[from]).heading())
+        })
+    }
+
     fn matched(&self, number: usize, distance: f64) -> LaneMatch {
         let lane = self.lanes[number] as usize;
         LaneMatch { lane, point: number - self.firsts[lane], distance }
     }
-}
-
-/// The direction from each point to the next; the last one's is repeated, a single point's is 0.
-fn lane_headings(points: &[Point3]) -> Vec<f64> {
-    let mut headings: Vec<f64> = points.windows(2).map(|pair| (pair[1].xy() - pair[0].xy()).heading()).collect();
-    if !points.is_empty() {
-        headings.push(headings.last().copied().unwrap_or(0.0));
-    }
-    headings
 }
 
 /// The distance of each point along the lane (m).
@@ -178,6 +181,13 @@ mod tests {
             ..Lane::default()
         };
         Map { lanes: lanes.iter().enumerate().map(lane).collect(), ..Map::default() }
+    }
+
+    /// The direction from each point to the next; the last one's is repeated, a single point's is 0.
+    fn lane_headings(points: &[Point3]) -> Vec<f64> {
+        let mut headings: Vec<f64> = points.windows(2).map(|pair| (pair[1].xy() - pair[0].xy()).heading()).collect();
+        headings.push(headings.last().copied().unwrap_or(0.0));
+        headings
     }
 
     fn points(lanes: &[Vec<(f64, f64)>]) -> LanePoints {

@@ -3,7 +3,7 @@
 //! Heights are known along the route. Where a setting lets the AV go farther from it, what lies out there is taken to be on its
 //! level.
 
-use world::geometry::{Point, Point3, SegmentGrid};
+use world::geometry::{Bounds, Point3, SegmentGrid};
 
 use super::STOREY;
 
@@ -25,8 +25,12 @@ pub struct Level {
     grid: SegmentGrid,
     /// Height (m) of each segment's start.
     heights: Vec<f64>,
-    /// The least and the greatest x and y at which something of the map is of interest.
-    bounds: (Point, Point),
+    /// The lowest and the highest of them.
+    span: [f64; 2],
+    /// Where something of the map is of interest.
+    bounds: Bounds,
+    /// Beyond these no point is within [`REACH`] of the route.
+    reach: Bounds,
 }
 
 impl Level {
@@ -36,19 +40,34 @@ impl Level {
         // The grid drops repeated points; so do we, to keep its numbers ours.
         let mut points: Vec<Point3> = route.to_vec();
         points.dedup_by(|a, b| a.xy() == b.xy());
-        let heights = points.iter().map(|point| point.z).collect();
-        let reach = corridor + MARGIN;
-        let least = |of: fn(&Point3) -> f64| points.iter().map(of).fold(f64::INFINITY, f64::min) - reach;
-        let greatest = |of: fn(&Point3) -> f64| points.iter().map(of).fold(f64::NEG_INFINITY, f64::max) + reach;
-        let bounds = (Point::new(least(|p| p.x), least(|p| p.y)), Point::new(greatest(|p| p.x), greatest(|p| p.y)));
-        Self { grid: SegmentGrid::new([(0, points.iter().map(|point| point.xy()))], CELL), heights, bounds }
+        let route = Bounds::of(points.iter().map(|point| point.xy()));
+        let heights: Vec<f64> = points.iter().map(|point| point.z).collect();
+        Self {
+            grid: SegmentGrid::new([(0, points.iter().map(|point| point.xy()))], CELL),
+            span: [
+                heights.iter().copied().fold(f64::INFINITY, f64::min),
+                heights.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            ],
+            bounds: route.grown(corridor + MARGIN),
+            // A hair more than it must be: distances are rounded.
+            reach: route.grown(REACH + 1e-3),
+            heights,
+        }
     }
 
     /// Whether a point of the map is where the AV may come, and on its level: on one of them, where the route passes over itself.
     #[must_use]
     pub fn holds(&self, point: Point3) -> bool {
-        let (least, greatest) = self.bounds;
-        let is_level = |segment: usize| (self.heights[segment] - point.z).abs() <= STOREY;
+        let is_at = |height: f64| (height - point.z).abs() <= STOREY;
+        let in_bounds = self.bounds.hold(point.xy());
+        // Most maps are flat: then the place alone tells.
+        if in_bounds && self.span.into_iter().all(is_at) {
+            return true;
+        }
+        if !in_bounds && !self.reach.hold(point.xy()) {
+            return false;
+        }
+        let is_level = |segment: usize| is_at(self.heights[segment]);
         match self.grid.nearest(point.xy(), REACH) {
             Some(nearest) if is_level(nearest.segment) => true,
             Some(nearest) => {
@@ -57,7 +76,49 @@ impl Level {
                 self.grid.for_each_near(point.xy(), reach, |segment| other_pass |= is_level(segment));
                 other_pass
             }
-            None => (least.x..=greatest.x).contains(&point.x) && (least.y..=greatest.y).contains(&point.y),
+            None => in_bounds,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The rule without short cuts.
+    fn holds(level: &Level, route: &[Point3], corridor: f64, point: Point3) -> bool {
+        let nearest = level.grid.nearest(point.xy(), REACH);
+        let at = |height: f64| (height - point.z).abs() <= STOREY;
+        let Some(nearest) = nearest else {
+            let reach = corridor + MARGIN;
+            let spans = |of: fn(&Point3) -> f64, at: f64| {
+                let least = route.iter().map(of).fold(f64::INFINITY, f64::min);
+                let greatest = route.iter().map(of).fold(f64::NEG_INFINITY, f64::max);
+                (least - reach..=greatest + reach).contains(&at)
+            };
+            return spans(|p| p.x, point.x) && spans(|p| p.y, point.y);
+        };
+        let within = nearest.distance() + OVER_ITSELF;
+        let mut passes = vec![nearest.segment];
+        level.grid.for_each_near(point.xy(), within, |segment| passes.push(segment));
+        passes.into_iter().any(|segment| at(level.heights[segment]))
+    }
+
+    proptest! {
+        #[test]
+        fn short_cuts_say_what_the_whole_search_says(
+            route in prop::collection::vec((-40.0..40.0, -40.0..40.0, -4.0..4.0), 0..8), corridor in 0.0..30.0,
+            (x, y, z) in (-120.0..120.0, -120.0..120.0, -6.0..6.0),
+        ) {
+            let mut route: Vec<Point3> = route.into_iter().map(|(x, y, z)| Point3::new(x, y, z)).collect();
+            let point = Point3::new(x, y, z);
+            for flat in [1.0, 0.1] {
+                route.iter_mut().for_each(|point| point.z *= flat);
+                let level = Level::along(&route, corridor);
+                prop_assert_eq!(level.holds(point), holds(&level, &route, corridor, point));
+            }
         }
     }
 }

@@ -8,7 +8,7 @@ use world::scene::bridged::Bridged;
 
 use super::traffic::Traffic;
 use crate::judges::Body;
-use crate::judges::lanes::{Driven, LaneReading, LaneTracker, Lanes, WRONG_WAY};
+use crate::judges::lanes::{Driven, LaneTracker, Lanes, WRONG_WAY};
 use crate::judges::level::Level;
 use crate::judges::red_light::{RedStop, RedStops};
 use crate::judges::road::{RoadEdges, TOLERANCE, outermost};
@@ -40,8 +40,8 @@ pub struct Reading {
     pub lateral_offset: f64,
     /// Distance of the AV's centre to the stretch of the line on which it came (m).
     pub route_distance: f64,
-    /// What the lanes say.
-    pub lane: LaneReading,
+    /// What the lanes of its centre say.
+    pub driven: Driven,
     /// How far the outermost corner is beyond the road's edge (m).
     pub road_edge_distance: Option<f64>,
     /// Which corners are off the road, and which are outside of the drivable area.
@@ -105,6 +105,11 @@ impl Course {
         &self.level
     }
 
+    /// Whether the rear axle of an AV that is so read is in an intersection.
+    pub(super) fn is_in_intersection(&self, av: &Body, reading: &Reading) -> bool {
+        self.lanes.is_intersection(av.rear_axle(self.wheelbase), self.route.line.z[reading.sample])
+    }
+
     /// The stops that an AV so read crosses at red at `log_index`.
     pub(super) fn red_stops_crossed(&self, log_index: usize, reading: &Reading) -> impl Iterator<Item = &RedStop> {
         let ground = self.route.line.z[reading.sample];
@@ -144,8 +149,13 @@ impl Reader {
     }
 
     /// What the lanes alone say of the AV, which was followed to `sample` of the line.
-    pub fn read_lanes(&mut self, course: &Course, av: &Body, sample: usize) -> LaneReading {
-        self.lanes.read(&course.lanes, av, course.wheelbase, course.route.line.z[sample])
+    pub fn read_lanes(&mut self, course: &Course, av: &Body, sample: usize) -> Driven {
+        self.lanes.read(&course.lanes, av, course.route.line.z[sample])
+    }
+
+    /// Whether the AV's box lies wholly in one lane now, or across ones that lead into each other.
+    pub fn in_one_lane(&mut self, course: &Course) -> bool {
+        self.lanes.in_one_lane(&course.lanes)
     }
 
     /// The reading of the AV, which was followed to `at`.
@@ -155,12 +165,15 @@ impl Reader {
         let Followed { sample, distance: route_distance, skipped } = at;
         let offset = center - line.point(sample);
         let forward = Point::unit(line.heading[sample]);
-        let lane = self.read_lanes(course, av, sample);
+        let driven = self.read_lanes(course, av, sample);
         let beyond = course.edges.beyond(av, line.z[sample]);
         let front = av.outline.front();
         let front_way = self.front.replace(front).map(|start| Segment { start, end: front });
-        let outside =
-            |corner: usize| beyond[corner].is_some_and(|edge| edge.min(lane.corners_outside[corner]) >= TOLERANCE);
+        let places = av.outline.corners();
+        let outside = |corner: usize| {
+            beyond[corner].is_some_and(|edge| edge >= TOLERANCE)
+                && self.lanes.corner_outside(&course.lanes, corner, places[corner]) >= TOLERANCE
+        };
         let off_road = |corner: usize| beyond[corner].is_some_and(|edge| edge > 0.0);
         let corners = Corners { off_road: std::array::from_fn(off_road), outside: std::array::from_fn(outside) };
         Reading {
@@ -168,7 +181,7 @@ impl Reader {
             station: sample as f64 * SAMPLE_SPACING + forward.dot(offset) - skipped,
             lateral_offset: forward.cross(offset),
             route_distance,
-            lane,
+            driven,
             road_edge_distance: outermost(beyond),
             corners,
             front_way,
@@ -176,8 +189,8 @@ impl Reader {
                 off_route: route_distance > course.off_route_distance,
                 off_road: corners.off_road.contains(&true),
                 outside_drivable_area: corners.outside.contains(&true),
-                wrong_way: lane.backward_travel >= WRONG_WAY,
-                speeding: lane.speed_limit > 0.0 && av.speed - lane.speed_limit > OVERSPEED,
+                wrong_way: driven.backward_travel >= WRONG_WAY,
+                speeding: driven.speed_limit > 0.0 && av.speed - driven.speed_limit > OVERSPEED,
             },
         }
     }

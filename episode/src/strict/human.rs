@@ -15,7 +15,7 @@ use world::scene::bridged::Bridged;
 
 use super::course::{Course, Faults, Reader, Reading};
 use crate::judges::collision::overlaps;
-use crate::judges::lanes::{Driven, LaneReading, WRONG_WAY};
+use crate::judges::lanes::{Driven, WRONG_WAY};
 use crate::judges::red_light::RedStop;
 use crate::judges::time_to_collision::{HORIZON_STEPS, LEAST_TIME_TO_COLLISION, TrafficAgent, time_to_collision};
 use crate::judges::{Body, STOREY};
@@ -261,16 +261,15 @@ fn lane_faults(
     drive: Range<usize>,
 ) -> Vec<LaneFaults> {
     let mut faults = vec![LaneFaults::default(); readings.len()];
-    let told = |lane: &LaneReading| Driven { backward_travel: lane.backward_travel, speed_limit: lane.speed_limit };
     let present = || readings.iter().enumerate().filter_map(|(index, at)| Some((index, at.as_ref()?)));
     for ((index, (body, reading)), settled) in present().zip(reader.settle(course)) {
-        faults[index].add(body.speed, told(&reading.lane));
+        faults[index].add(body.speed, reading.driven);
         faults[index].add(body.speed, settled);
     }
     let driven = || present().filter(|(index, _)| drive.contains(index));
     let mut reader = Reader::default();
     for (index, (body, reading)) in driven() {
-        faults[index].add(body.speed, told(&reader.read_lanes(course, body, reading.sample)));
+        faults[index].add(body.speed, reader.read_lanes(course, body, reading.sample));
     }
     for ((index, (body, _)), settled) in driven().zip(reader.settle(course)) {
         faults[index].add(body.speed, settled);

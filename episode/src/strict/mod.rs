@@ -125,8 +125,9 @@ impl Strict {
     /// Judges the AV at `log_index`, and says whether that ends the episode.
     pub(super) fn judge(&mut self, log_index: usize, advance: &mut Advance) -> Option<EndReason> {
         let reading = self.reader.read(&self.course, &self.av, self.place);
+        let in_one_lane = self.reader.in_one_lane(&self.course);
         let (course, human, av) = (&self.course, &self.human, &self.av);
-        let moment = Moment { course, human, log_index, av, reading: &reading };
+        let moment = Moment { course, human, log_index, av, reading: &reading, in_one_lane };
         self.referee.judge(&moment, advance);
         let record = &advance.record;
         let collision = match self.settings.ending_collision {

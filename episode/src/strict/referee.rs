@@ -1,6 +1,8 @@
 //! Turns readings into a step's record and events: nets them against the human's, remembers who was hit, and says each
 //! thing once.
 
+use std::cell::LazyCell;
+
 use wire::proto;
 use wire::proto::event::{Contact, Kind};
 use world::plan::STEP_SECONDS;
@@ -45,6 +47,8 @@ pub(super) struct Moment<'a> {
     pub log_index: usize,
     pub av: &'a Body,
     pub reading: &'a Reading,
+    /// Whether the AV's box lies wholly in one lane, or across ones that lead into each other.
+    pub in_one_lane: bool,
 }
 
 /// The judge of one drive.
@@ -107,16 +111,16 @@ impl Referee {
         record.lateral_offset = reading.lateral_offset;
         record.route_distance = reading.route_distance;
         record.road_edge_distance = reading.road_edge_distance;
-        record.speed_limit = reading.lane.speed_limit;
-        record.backward_travel = reading.lane.backward_travel;
-        record.in_one_lane = reading.lane.in_one_lane;
+        record.speed_limit = reading.driven.speed_limit;
+        record.backward_travel = reading.driven.backward_travel;
+        record.in_one_lane = moment.in_one_lane;
         self.judge_traffic(moment, advance);
         self.judge_rules(moment, advance);
     }
 
     fn judge_traffic(&mut self, moment: &Moment<'_>, advance: &mut Advance) {
-        let Moment { course, human, log_index, av, reading } = *moment;
-        let beside_matters = !reading.lane.in_one_lane || reading.lane.in_intersection;
+        let Moment { course, human, log_index, av, reading, in_one_lane } = *moment;
+        let beside_matters = LazyCell::new(|| !in_one_lane || course.is_in_intersection(av, reading));
         let reach = av.outline.radius() + av.speed * HORIZON_STEPS as f64 * STEP_SECONDS;
         let mut least: Option<f64> = None;
         self.overlapping.clear();
@@ -131,8 +135,8 @@ impl Referee {
             self.netted[agent.track] = false;
             let center = agent.outline.center;
             let matters =
-                is_ahead(av, self.wheelbase, center) || (beside_matters && !is_behind(av, self.wheelbase, center));
-            if matters && av.speed > STANDING_SPEED {
+                || is_ahead(av, self.wheelbase, center) || (!is_behind(av, self.wheelbase, center) && *beside_matters);
+            if av.speed > STANDING_SPEED && matters() {
                 let time = time_to_collision(av, agent).filter(|time| {
                     *time >= LEAST_TIME_TO_COLLISION || !(agent.sudden || human.nets_time(av, agent, *time))
                 });
@@ -185,7 +189,7 @@ impl Referee {
     }
 
     fn judge_rules(&mut self, moment: &Moment<'_>, advance: &mut Advance) {
-        let Moment { course, human, log_index, av, reading } = *moment;
+        let Moment { course, human, log_index, av, reading, .. } = *moment;
         let Advance { record, events, .. } = advance;
         let (own, log) = (reading.faults, self.netted_faults(human, av, reading));
         let step = record.step;
@@ -218,10 +222,10 @@ impl Referee {
             format!("a corner is {:.2} m beyond the road's edge", reading.road_edge_distance.unwrap_or(0.0))
         });
         say(wrong_way, &mut self.wrong_way, Kind::WrongWay, &|| {
-            format!("{:.1} m against the lane within a second", reading.lane.backward_travel)
+            format!("{:.1} m against the lane within a second", reading.driven.backward_travel)
         });
         say(speeding, &mut self.speeding, Kind::Speeding, &|| {
-            format!("{:.1} m/s where {:.1} m/s are allowed", av.speed, reading.lane.speed_limit)
+            format!("{:.1} m/s where {:.1} m/s are allowed", av.speed, reading.driven.speed_limit)
         });
         say(Standing::of(low_time, false), &mut self.low_time_to_collision, Kind::LowTimeToCollision, &|| {
             format!("{:.1} s to collision", record.time_to_collision.unwrap_or(0.0))

@@ -36,14 +36,14 @@ pub fn seen(logged: &Arc<Scene>, settings: &StrictSettings) -> Result<Value, Err
     });
     let line = |points: &[Point]| points.iter().map(|p| [p.x, p.y]).collect::<Vec<_>>();
     let flat = |points: &[Point3]| points.iter().map(|p| [p.x, p.y]).collect::<Vec<_>>();
-    let lanes = course.lanes().strips().iter().map(|strip| {
+    let lanes = course.lanes().strips().iter().enumerate().map(|(lane, strip)| {
         json!({
             "line": line(&strip.points),
-            "widths": strip.widths,
+            "widths": (0..strip.points.len()).map(|point| course.lanes().widths(lane, point)).collect::<Vec<_>>(),
             "entries": strip.entries,
             "exits": strip.exits,
             "speed_limit": strip.speed_limit,
-            "connector": strip.connector,
+            "connector": course.lanes().is_connector(lane),
         })
     });
     let edges: Vec<_> = road::chains(scene.map(), course.level()).iter().map(|chain| flat(chain)).collect();

@@ -1,7 +1,7 @@
 //! What the logged AV itself does wrong, over the whole log. It says of a scene what to expect: the judges of a drive look from the
 //! start on, at the route's lanes alone, and tell levels of the road apart (`docs/metrics.md`).
 
-use world::geometry::{Point, SegmentGrid, boxes_overlap};
+use world::geometry::{Bounds, Point, SegmentGrid, boxes_overlap};
 use world::route::{Route, RouteError};
 use world::scene::bridged::Bridged;
 use world::scene::{AgentState, Scene};
@@ -33,13 +33,17 @@ pub(super) fn lint(bridged: &Bridged, route: Result<Route, RouteError>, edges: b
     let av: Vec<(usize, AgentState)> =
         scene.av().states.iter().enumerate().filter_map(|(step, state)| Some((step, (*state)?))).collect();
     overlaps(scene, &av, lints);
+    // Only what is near the AV's corners is asked for.
+    let corners = av.iter().flat_map(|(_, state)| state.oriented_box().corners());
+    let around = Bounds::of(corners).grown(SEARCH + 1.0);
     if edges {
-        off_road(scene, &av, lints);
+        off_road(scene, &av, &around, lints);
     }
-    far_from_lane(scene, &av, lints);
+    let lanes = lanes(scene, &around);
+    far_from_lane(scene, &av, &lanes, lints);
     off_route(route, &av, lints);
     red_lights(scene, &av, lints);
-    super::lanes::lint(scene, &av, lints);
+    super::lanes::lint(scene, &av, &lanes, lints);
     let meters: f64 = av.windows(2).map(|pair| pair[0].1.position().distance(pair[1].1.position())).sum();
     if meters < PARKED {
         lints.push(Lint::AvParked { meters });
@@ -73,9 +77,16 @@ fn overlaps(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) {
     }
 }
 
-fn off_road(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) {
-    let edges = &scene.map().road_edges;
-    let grid = SegmentGrid::new(edges.iter().map(|edge| (0, edge.polyline.iter().map(|p| p.xy()))), CELL);
+/// The centre lines of the drivable lanes `around` the AV; a lane's payload is its place in the map.
+fn lanes(scene: &Scene, around: &Bounds) -> SegmentGrid {
+    let drivable = scene.map().lanes.iter().enumerate().filter(|(_, lane)| lane.kind.is_drivable());
+    let runs = drivable.flat_map(|(index, lane)| around.runs(&lane.centerline).map(move |run| (index as u32, run)));
+    SegmentGrid::new(runs.map(|(index, run)| (index, run.iter().map(|point| point.xy()))), CELL)
+}
+
+fn off_road(scene: &Scene, av: &[(usize, AgentState)], around: &Bounds, lints: &mut Vec<Lint>) {
+    let runs = scene.map().road_edges.iter().flat_map(|edge| around.runs(&edge.polyline));
+    let grid = SegmentGrid::new(runs.map(|run| (0, run.iter().map(|point| point.xy()))), CELL);
     let driveways = &scene.map().driveways;
     let beyond = |corner: Point| {
         if driveways.iter().any(|driveway| driveway.contains(corner)) {
@@ -90,14 +101,12 @@ fn off_road(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) {
     }
 }
 
-fn far_from_lane(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) {
-    let lanes = scene.map().lanes.iter().filter(|lane| lane.kind.is_drivable());
-    let grid = SegmentGrid::new(lanes.map(|lane| (0, lane.centerline.iter().map(|p| p.xy()))), CELL);
-    if grid.is_empty() {
+fn far_from_lane(scene: &Scene, av: &[(usize, AgentState)], lanes: &SegmentGrid, lints: &mut Vec<Lint>) {
+    if !scene.map().lanes.iter().any(|lane| lane.kind.is_drivable()) {
         lints.push(Lint::NoDrivableLane);
         return;
     }
-    let distance = |av: &AgentState| grid.nearest(av.position(), SEARCH).map_or(SEARCH, |lane| lane.distance());
+    let distance = |av: &AgentState| lanes.nearest(av.position(), SEARCH).map_or(SEARCH, |lane| lane.distance());
     if let Some((worst, steps)) = exceeding(av, FAR_FROM_LANE, distance) {
         lints.push(Lint::AvFarFromLane { worst, steps });
     }

@@ -21,15 +21,13 @@ const CROSSING: f64 = 1.0;
 /// So much above the limit (m/s) is speeding: nuPlan's bound, and that of the judges of a drive.
 const OVERSPEED: f64 = 2.23;
 
-pub(super) fn lint(scene: &Scene, av: &[(usize, AgentState)], lints: &mut Vec<Lint>) {
+/// `grid`: the lanes around the AV, by their places in the map.
+pub(super) fn lint(scene: &Scene, av: &[(usize, AgentState)], grid: &SegmentGrid, lints: &mut Vec<Lint>) {
     let lanes = &scene.map().lanes;
-    let drivable = lanes.iter().enumerate().filter(|(_, lane)| lane.kind.is_drivable());
-    let chains = drivable.map(|(index, lane)| (index as u32, lane.centerline.iter().map(|point| point.xy())));
-    let grid = SegmentGrid::new(chains, 5.0);
     let (mut against, mut speeding, mut worst) = (Steps::default(), Steps::default(), 0.0_f64);
     for (step, state) in av {
         let mut levels = BTreeMap::new();
-        let on = Lanes::under(state, &grid, |lane| {
+        let on = Lanes::under(state, grid, |lane| {
             let line = &lanes[lane as usize].centerline;
             *levels.entry(lane).or_insert_with(|| line.iter().any(|point| (point.z - state.z).abs() <= STOREY))
         });

@@ -33,52 +33,65 @@ pub(super) struct Cells {
 /// A cell by its column and row.
 pub(super) type Cell = (usize, usize);
 
+/// Which thing was put into which cell.
+pub(super) struct Placed {
+    columns: usize,
+    /// The thing that is being put.
+    thing: u32,
+    /// Number of a cell, and a thing in it.
+    places: Vec<(u32, u32)>,
+}
+
+impl Placed {
+    /// The thing is in this cell.
+    pub(super) fn put(&mut self, (column, row): Cell) {
+        self.places.push(((row * self.columns + column) as u32, self.thing));
+    }
+}
+
 impl Cells {
-    /// Cells of about `cell` metres over the bounds of `points`; `visit_cells` calls its second argument with each cell
-    /// that a thing is in, for each of `count` things.
+    /// Cells of about `cell` metres over the bounds of `points`; `put` tells for each of `count` things the cells that it is in.
     pub(super) fn new(
         points: impl Iterator<Item = Point>,
         cell: f64,
         count: usize,
-        visit_cells: impl Fn(&Self, usize, &mut dyn FnMut(Cell)),
+        put: impl Fn(&Self, usize, &mut Placed),
     ) -> Self {
         let (low, high) = bounds(points);
         let (width, height) = (high.x - low.x, high.y - low.y);
         let sparse = (width * height / (MAX_CELLS_PER_THING * (count + 1) as f64)).sqrt();
         let mut cell = cell.max(width.max(height) / MAX_CELLS_PER_AXIS).max(sparse).max(1e-3);
         let most_members = FREE_MEMBERS + MAX_MEMBERS_PER_THING * count;
-        // A counting sort: how many in each cell, then where each cell begins, then who.
-        let (mut cells, mut starts) = loop {
+        let (mut cells, placed) = loop {
             let cells_along = |low: f64, high: f64| ((high - low) / cell) as usize + 1;
             let (columns, rows) = (cells_along(low.x, high.x), cells_along(low.y, high.y));
             let cells = Self { origin: low, cell, columns, rows, starts: Vec::new(), members: Vec::new() };
-            let (mut starts, mut total) = (vec![0_u32; columns * rows + 1], 0);
+            let mut placed = Placed { columns, thing: 0, places: Vec::with_capacity(count) };
             for thing in 0..count {
-                visit_cells(&cells, thing, &mut |(column, row)| {
-                    starts[row * columns + column + 1] += 1;
-                    total += 1;
-                });
-                if total > most_members {
+                placed.thing = thing as u32;
+                put(&cells, thing, &mut placed);
+                if placed.places.len() > most_members {
                     break;
                 }
             }
             // In a single cell each thing is once.
-            if total <= most_members || columns * rows == 1 {
-                break (cells, starts);
+            if placed.places.len() <= most_members || columns * rows == 1 {
+                break (cells, placed.places);
             }
             cell *= 2.0;
         };
+        // A counting sort: how many in each cell, then where each cell begins, then who.
+        let mut starts = vec![0_u32; cells.columns * cells.rows + 1];
+        placed.iter().for_each(|(cell, _)| starts[*cell as usize + 1] += 1);
         for cell in 1..starts.len() {
             starts[cell] += starts[cell - 1];
         }
-        let mut members = vec![0; starts[starts.len() - 1] as usize];
+        let mut members = vec![0; placed.len()];
         let mut next = starts.clone();
-        for thing in 0..count {
-            visit_cells(&cells, thing, &mut |(column, row)| {
-                let place = &mut next[row * cells.columns + column];
-                members[*place as usize] = thing as u32;
-                *place += 1;
-            });
+        for (cell, thing) in placed {
+            let place = &mut next[cell as usize];
+            members[*place as usize] = thing;
+            *place += 1;
         }
         (cells.starts, cells.members) = (starts, members);
         cells
@@ -106,21 +119,23 @@ impl Cells {
 
     /// The cells that the segment from `start` to `end` passes, row by row: a long diagonal is in few of the cells of its
     /// bounds.
-    pub(super) fn for_each_along(&self, start: Point, end: Point, visit: &mut dyn FnMut(Cell)) {
+    pub(super) fn for_each_along(&self, start: Point, end: Point, mut visit: impl FnMut(Cell)) {
         let (low, high) = if start.y <= end.y { (start, end) } else { (end, start) };
         let (first_row, last_row) = (self.row(low.y - HAIR), self.row(high.y + HAIR));
-        let slope = if high.y > low.y { (high.x - low.x) / (high.y - low.y) } else { 0.0 };
-        for row in first_row..=last_row {
-            let (mut left, mut right) = (low.x, high.x);
-            if first_row < last_row && high.y > low.y {
-                // The stretch within this row.
-                let bottom = (self.origin.y + row as f64 * self.cell - HAIR).clamp(low.y, high.y);
-                let top = (self.origin.y + (row + 1) as f64 * self.cell + HAIR).clamp(low.y, high.y);
-                (left, right) = (low.x + slope * (bottom - low.y), low.x + slope * (top - low.y));
-            }
+        let mut along = |row: usize, left: f64, right: f64| {
             for column in self.column(left.min(right) - HAIR)..=self.column(left.max(right) + HAIR) {
                 visit((column, row));
             }
+        };
+        if first_row == last_row || high.y <= low.y {
+            return (first_row..=last_row).for_each(|row| along(row, low.x, high.x));
+        }
+        let slope = (high.x - low.x) / (high.y - low.y);
+        for row in first_row..=last_row {
+            // The stretch within this row.
+            let bottom = (self.origin.y + row as f64 * self.cell - HAIR).clamp(low.y, high.y);
+            let top = (self.origin.y + (row + 1) as f64 * self.cell + HAIR).clamp(low.y, high.y);
+            along(row, low.x + slope * (bottom - low.y), low.x + slope * (top - low.y));
         }
     }
 
@@ -139,14 +154,41 @@ impl Cells {
     /// Walks outwards from `point`, calling `visit` with the members of each cell. It returns the squared distance of the
     /// best found so far; the walk ends where nothing could be as near as that any more.
     pub(super) fn walk_outwards(&self, point: Point, mut best: f64, mut visit: impl FnMut(&[u32]) -> f64) {
+        let beyond = self.distance(point);
+        if beyond > 0.0 && beyond * beyond > best {
+            return;
+        }
         let (column, row) = self.cell_of(point);
         for ring in 0..self.columns.max(self.rows) {
             let reach = self.distance_to_ring(point, (column, row), ring);
             if ring > 0 && reach > 0.0 && reach * reach > best {
                 return;
             }
-            self.for_each_of_ring((column, row), ring, |cell| best = visit(self.members(cell)));
+            self.for_each_of_ring((column, row), ring, |cell| {
+                if ring == 0 || self.is_as_near(cell, point, best) {
+                    best = visit(self.members(cell));
+                }
+            });
         }
+    }
+
+    /// Whether a cell comes as near to `point` as the squared distance `best`.
+    fn is_as_near(&self, (column, row): Cell, point: Point, best: f64) -> bool {
+        let gap = |position: f64, origin: f64, cell: usize| {
+            let begin = origin + cell as f64 * self.cell;
+            ((begin - position).max(position - (begin + self.cell)) - HAIR).max(0.0)
+        };
+        let (x, y) = (gap(point.x, self.origin.x, column), gap(point.y, self.origin.y, row));
+        x * x + y * y <= best
+    }
+
+    /// Distance from `point` to the grid along that axis along which it is farther.
+    fn distance(&self, point: Point) -> f64 {
+        let gap = |position: f64, origin: f64, cells: usize| {
+            let end = origin + cells as f64 * self.cell;
+            (origin - position).max(position - end)
+        };
+        gap(point.x, self.origin.x, self.columns).max(gap(point.y, self.origin.y, self.rows)) - HAIR
     }
 
     /// Distance from `point`, which belongs to the cell, to the nearest border that cells of this ring or of later ones lie

@@ -4,6 +4,7 @@
 //! `libm`, so that every machine computes the same bits. One file holds one algorithm for one pair of shapes.
 
 mod angle;
+mod bounds;
 mod box_box;
 mod cells;
 mod oriented_box;
@@ -15,6 +16,7 @@ mod segment;
 mod segment_grid;
 
 pub use angle::{angle_difference, wrap_angle, wrap_angle_single};
+pub use bounds::Bounds;
 pub use box_box::boxes_overlap;
 pub use oriented_box::OrientedBox;
 pub use point::{Point, Point3, Pose};
@@ -22,4 +24,4 @@ pub use point_grid::PointGrid;
 pub use polygon::polygon_contains;
 pub use polyline::{Polyline, Projection};
 pub use segment::{Segment, SegmentPoint};
-pub use segment_grid::{NearestSegment, SegmentGrid};
+pub use segment_grid::{About, NearestSegment, SegmentGrid};

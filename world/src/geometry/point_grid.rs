@@ -14,8 +14,8 @@ impl PointGrid {
     /// The grid over `points` in cells of about `cell` metres.
     #[must_use]
     pub fn new(points: Vec<Point>, cell: f64) -> Self {
-        let cells = Cells::new(points.iter().copied(), cell, points.len(), |cells, index, visit| {
-            visit(cells.cell_of(points[index]));
+        let cells = Cells::new(points.iter().copied(), cell, points.len(), |cells, index, placed| {
+            placed.put(cells.cell_of(points[index]));
         });
         Self { points, cells }
     }
@@ -39,6 +39,20 @@ impl PointGrid {
         let (mut nearest, mut best) = (None, radius);
         self.search(point, &mut nearest, &mut best, accept);
         nearest.map(|index| (index, best))
+    }
+
+    /// Whether one of the points within `radius` metres (inclusive) is accepted.
+    #[must_use]
+    pub fn any_within(&self, point: Point, radius: f64, accept: impl Fn(usize) -> bool) -> bool {
+        let mut found = false;
+        // A hair more, so that rounding of the square keeps what is exactly as far.
+        let reach = radius * radius * (1.0 + 1e-12);
+        self.cells.walk_outwards(point, reach, |members| {
+            let near = |index: usize| point.distance(self.points[index]) <= radius && accept(index);
+            found = found || members.iter().any(|member| near(*member as usize));
+            if found { f64::NEG_INFINITY } else { reach }
+        });
+        found
     }
 
     /// The same answer as [`PointGrid::nearest`], found faster where point number `hint` is nearly the nearest: nothing
@@ -119,6 +133,7 @@ mod tests {
             let accept = |index: usize| index.is_multiple_of(modulus);
             let within = |index: usize| accept(index) && point.distance(points[index]) <= radius;
             prop_assert_eq!(index(grid.nearest_where(point, radius, accept)), brute(&points, point, within));
+            prop_assert_eq!(grid.any_within(point, radius, accept), (0..points.len()).any(within));
             let mut near = Vec::new();
             grid.for_each_near(point, radius, |index| near.push(index));
             near.sort_unstable();

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::Point;
-use super::cells::Cells;
+use super::cells::{Cell, Cells};
 use super::segment::{Segment, is_left_of_corner};
 
 /// Stands for no segment in a chain's links.
@@ -54,6 +54,26 @@ impl NearestSegment {
     }
 }
 
+/// A segment in a cell about a point.
+#[derive(Clone, Copy, Debug)]
+pub struct About<'a> {
+    /// Number of the segment.
+    pub segment: usize,
+    grid: &'a SegmentGrid,
+    cell: Cell,
+    point: Point,
+    radius: f64,
+}
+
+impl About<'_> {
+    /// Whether the segment has a point within the radius, the nearest of them in this cell: a segment is in many cells.
+    #[must_use]
+    pub fn is_near(&self) -> bool {
+        let nearest = self.grid.segment(self.segment).nearest_to(self.point);
+        nearest.distance_squared <= self.radius * self.radius && self.grid.cells.cell_of(nearest.point) == self.cell
+    }
+}
+
 impl SegmentGrid {
     /// The grid over `chains`, each with its payload, in cells of about `cell` metres. A chain of one point is a segment
     /// without length.
@@ -68,9 +88,9 @@ impl SegmentGrid {
         }
         join_chains(&mut segments);
         let ends = segments.iter().flat_map(|s| [s.segment.start, s.segment.end]);
-        let cells = Cells::new(ends, cell, segments.len(), |cells, index, visit| {
+        let cells = Cells::new(ends, cell, segments.len(), |cells, index, placed| {
             let Segment { start, end } = segments[index].segment;
-            cells.for_each_along(start, end, visit);
+            cells.for_each_along(start, end, |cell| placed.put(cell));
         });
         Self { segments, cells }
     }
@@ -124,13 +144,19 @@ impl SegmentGrid {
     /// Calls `visit` with the number of each segment that has a point within `radius` metres of `point` (inclusive): each
     /// once, in no order to rely on.
     pub fn for_each_near(&self, point: Point, radius: f64, mut visit: impl FnMut(usize)) {
+        self.for_each_about(point, radius, |about| {
+            if about.is_near() {
+                visit(about.segment);
+            }
+        });
+    }
+
+    /// The same in the same order for who may not want to know of each whether it is near: calls `visit` with all segments in cells
+    /// about `point`, some of them more than once. Each that is near is near once.
+    pub fn for_each_about(&self, point: Point, radius: f64, mut visit: impl FnMut(About<'_>)) {
         self.cells.for_each_within(point, radius, |cell| {
             for member in self.cells.members(cell) {
-                let nearest = self.segments[*member as usize].segment.nearest_to(point);
-                // A segment is in many cells: it is met in the one that holds its nearest point.
-                if nearest.distance_squared <= radius * radius && self.cells.cell_of(nearest.point) == cell {
-                    visit(*member as usize);
-                }
+                visit(About { segment: *member as usize, grid: self, cell, point, radius });
             }
         });
     }

@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use super::bridged::{Bridged, SizeSource};
 use super::{AgentState, Scene, TrackId};
-use crate::geometry::{Point3, PointGrid, SegmentGrid};
+use crate::geometry::{Bounds, Point, Point3, PointGrid, SegmentGrid};
 use crate::map::{Lane, Map};
 
 /// What is judged of a drive, as far as a scene may not allow it.
@@ -97,13 +97,13 @@ impl Bridged {
         let no_size = self.mended_sizes().iter().filter(|size| size.source == SizeSource::Nothing);
         let near = no_size.filter(|size| {
             let states = scene.tracks()[size.track].states.iter().flatten();
-            states.into_iter().any(|state| way.is_near(Point3::new(state.x, state.y, state.z), BY_THE_WAY))
+            way.near(states.map(|state| Point3::new(state.x, state.y, state.z)), BY_THE_WAY).next().is_some()
         });
         let mut unjudged: Vec<Unjudged> = near.map(|size| Unjudged::NoSize { track: size.id }).collect();
-        unjudged.extend(road_edges(scene.map(), &way));
         let lanes = lanes(scene.map(), &way);
+        unjudged.extend(road_edges(scene.map(), &way, lanes.iter().flat_map(|(_, points)| points)));
         unjudged.extend(lanes.is_empty().then_some(Unjudged::NoLanes));
-        unjudged.extend(lanes.iter().all(|lane| lane.speed_limit().is_none()).then_some(Unjudged::NoSpeedLimits));
+        unjudged.extend(lanes.iter().all(|(lane, _)| lane.speed_limit().is_none()).then_some(Unjudged::NoSpeedLimits));
         unjudged
     }
 }
@@ -123,24 +123,44 @@ impl Way {
         Self { points: PointGrid::new(points, 10.0), heights: states.iter().map(|state| state.z).collect() }
     }
 
-    fn is_near(&self, point: Point3, radius: f64) -> bool {
-        let on_level = |index: usize| (self.heights[index] - point.z).abs() <= STOREY;
-        self.points.nearest_where(point.xy(), radius, on_level).is_some()
+    /// Those points of a line that are near. It is looked at only where it may have come near since the last look.
+    fn near<'a>(
+        &'a self,
+        line: impl IntoIterator<Item = Point3> + 'a,
+        radius: f64,
+    ) -> impl Iterator<Item = Point3> + 'a {
+        // The last point, and how far (m) the line may go on from there without coming near.
+        let mut clear: Option<(Point, f64)> = None;
+        line.into_iter().filter(move |point| {
+            let place = point.xy();
+            clear = clear.map(|(last, left)| (place, left - last.distance(place)));
+            if clear.is_some_and(|(_, left)| left > 0.0) {
+                return false;
+            }
+            let on_level = |index: usize| (self.heights[index] - point.z).abs() <= STOREY;
+            let is_near = self.points.any_within(place, radius, on_level);
+            let distance = || self.points.nearest(place).map_or(f64::INFINITY, |(_, distance)| distance);
+            // A hair less: distances are rounded.
+            clear = (!is_near).then(|| (place, distance() - radius - 1e-3));
+            is_near
+        })
     }
 }
 
-fn road_edges(map: &Map, way: &Way) -> Option<Unjudged> {
+/// `lanes`: the points of lanes for cars by the way.
+fn road_edges<'a>(map: &Map, way: &Way, lanes: impl Iterator<Item = &'a Point3>) -> Option<Unjudged> {
     let edges = map.road_edges.iter().enumerate();
-    let near = edges.filter(|(_, edge)| passes_near(&edge.polyline, way));
-    let chains = near.map(|(index, edge)| (index as u32, edge.polyline.iter().map(|point| point.xy())));
-    let grid = SegmentGrid::new(chains, 5.0);
-    if grid.is_empty() {
+    let near: Vec<_> = edges.filter(|(_, edge)| passes_near(&edge.polyline, way)).collect();
+    if near.is_empty() {
         return Some(Unjudged::NoRoadEdges);
     }
+    // Only what is near lane points by the way is asked for.
+    let asked = Bounds::of(way.points.points().iter().copied()).grown(BY_THE_WAY + EDGE_OF_LANE + 1.0);
+    let runs = near.iter().flat_map(|(index, edge)| asked.runs(&edge.polyline).map(|run| (*index as u32, run)));
+    let grid = SegmentGrid::new(runs.map(|(index, run)| (index, run.iter().map(|point| point.xy()))), 5.0);
     // For each edge the lane points that it bounds, and those of them on its right.
     let mut bounded: BTreeMap<u32, (usize, usize)> = BTreeMap::new();
-    let lanes = map.lanes.iter().filter(|lane| lane.kind.is_drivable());
-    for point in lanes.flat_map(|lane| &lane.centerline).filter(|point| way.is_near(**point, BY_THE_WAY)) {
+    for point in lanes {
         let edge = grid.nearest(point.xy(), EDGE_OF_LANE);
         if let Some(edge) = edge.filter(|edge| !edge.beyond_end && edge.distance() > ON_THE_EDGE) {
             let (all, right) = bounded.entry(edge.payload).or_default();
@@ -158,25 +178,26 @@ fn road_edges(map: &Map, way: &Way) -> Option<Unjudged> {
 /// Whether a line comes near the way. Its points may be far apart: what is between two of them counts.
 fn passes_near(line: &[Point3], way: &Way) -> bool {
     let ends = line.windows(2).map(|pair| (pair[0], pair[1]));
-    let near_points = line.iter().any(|point| way.is_near(*point, EDGES_WITHIN));
-    near_points
+    let is_near = way.near(line.iter().copied(), EDGES_WITHIN).next().is_some();
+    is_near
         || ends.filter(|(from, to)| from.xy().distance(to.xy()) > EDGES_WITHIN).any(|(from, to)| {
             let parts = (from.xy().distance(to.xy()) / EDGES_WITHIN).ceil().min(MOST_PARTS);
-            let mix = |a: f64, b: f64, part: f64| a + (b - a) * part / parts;
+            let mix = move |a: f64, b: f64, part: f64| a + (b - a) * part / parts;
             let between = (1..parts as usize).map(|part| part as f64);
-            between
-                .map(|p| Point3::new(mix(from.x, to.x, p), mix(from.y, to.y, p), mix(from.z, to.z, p)))
-                .any(|point| way.is_near(point, EDGES_WITHIN))
+            let points =
+                between.map(move |p| Point3::new(mix(from.x, to.x, p), mix(from.y, to.y, p), mix(from.z, to.z, p)));
+            way.near(points, EDGES_WITHIN).next().is_some()
         })
 }
 
 /// A segment of more than 4 km is looked at more coarsely: no road has one.
 const MOST_PARTS: f64 = 100.0;
 
-/// The lanes for cars by the way.
-fn lanes<'a>(map: &'a Map, way: &Way) -> Vec<&'a Lane> {
+/// The lanes for cars by the way, with their points that are.
+fn lanes<'a>(map: &'a Map, way: &Way) -> Vec<(&'a Lane, Vec<Point3>)> {
     let lanes = map.lanes.iter().filter(|lane| lane.kind.is_drivable());
-    lanes.filter(|lane| lane.centerline.iter().any(|point| way.is_near(*point, BY_THE_WAY))).collect()
+    let near = lanes.map(|lane| (lane, way.near(lane.centerline.iter().copied(), BY_THE_WAY).collect::<Vec<_>>()));
+    near.filter(|(_, points)| !points.is_empty()).collect()
 }
 
 #[cfg(test)]

@@ -1,37 +1,64 @@
 //! The lanes that the corners of the AV's box are in, and whether it is in one lane, as nuPlan asks
 //! (`metrics/utils/route_extractor.py`, `extract_corners_route` and `extract_common_or_connecting_route_objs`).
 
-use super::strip::{Held, Lanes};
+use world::geometry::Point;
+
+use super::held::Held;
+use super::strip::Lanes;
+use crate::judges::Body;
 
 /// Front left, rear left, rear right, front right: the order of `OrientedBox::corners`.
 pub(super) type CornerLanes = [Vec<usize>; 4];
 
-/// Follows the corners from lane to lane: each from the lanes that any of them was in.
+/// Follows the corners from lane to lane: each from the lanes that any of them was in. Samples wait until somebody asks.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Corners {
+    waiting: Vec<Sample>,
     candidates: Vec<usize>,
     samples: usize,
+    /// The lanes of each corner at the last sample that does not wait.
+    now: CornerLanes,
+    held: Held,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    corners: [Point; 4],
+    forward: Point,
+    ground: f64,
 }
 
 impl Corners {
-    /// The lanes of each corner at the next sample, given which lanes hold them.
-    pub(super) fn read(&mut self, lanes: &Lanes, held: &[Held; 4]) -> CornerLanes {
+    /// The next sample is of this box, on ground at the height `ground` (m).
+    pub(super) fn wait(&mut self, av: &Body, ground: f64) {
+        self.waiting.push(Sample { corners: av.outline.corners(), forward: av.outline.forward, ground });
+    }
+
+    /// The lanes of each corner at the last sample.
+    pub(super) fn now(&mut self, lanes: &Lanes) -> &CornerLanes {
+        for index in 0..self.waiting.len() {
+            self.read(lanes, self.waiting[index]);
+        }
+        self.waiting.clear();
+        &self.now
+    }
+
+    fn read(&mut self, lanes: &Lanes, sample: Sample) {
         let mut next = Vec::new();
-        let now = held.each_ref().map(|held| {
-            let mut now = lanes.follow(&self.candidates, held);
+        for (now, corner) in self.now.iter_mut().zip(sample.corners) {
+            lanes.hold(&mut self.held, corner, sample.ground, sample.forward);
+            *now = lanes.follow(&self.candidates, &self.held);
             if now.is_empty() {
-                now = lanes.search(held);
+                *now = lanes.search(&self.held);
                 // nuPlan's code: a corner's find helps the next ones at the second sample alone.
                 if self.samples == 1 {
-                    add(&mut self.candidates, &now);
+                    add(&mut self.candidates, now);
                 }
             }
-            add(&mut next, &now);
-            now
-        });
+            add(&mut next, now);
+        }
         self.candidates = next;
         self.samples += 1;
-        now
     }
 }
 

@@ -7,7 +7,9 @@
 use world::geometry::Point;
 use world::plan::STEP_SECONDS;
 
-use super::strip::{Held, Lanes};
+use super::held::Held;
+use super::strip::Lanes;
+use crate::judges::Body;
 
 /// Samples of a second, both ends included.
 const SECOND: usize = 1 + (1.0 / STEP_SECONDS) as usize;
@@ -33,12 +35,15 @@ pub(super) struct DrivenLanes {
     /// A sample each: the centre, and the lanes that it is in.
     samples: Vec<(Point, Vec<usize>)>,
     travel: Travel,
+    held: Held,
 }
 
 impl DrivenLanes {
-    /// The next sample, at `center`, which `held` lanes hold.
-    pub(super) fn read(&mut self, lanes: &Lanes, center: Point, held: &Held) -> Driven {
-        let now = self.find(lanes, center, held);
+    /// The next sample, of an AV on ground at the height `ground` (m).
+    pub(super) fn read(&mut self, lanes: &Lanes, av: &Body, ground: f64) -> Driven {
+        let center = av.outline.center;
+        lanes.hold(&mut self.held, center, ground, av.outline.forward);
+        let now = self.find(lanes, center);
         let driven = self.travel.read(lanes, center, &now);
         self.samples.push((center, now));
         driven
@@ -49,13 +54,13 @@ impl DrivenLanes {
         self.samples.last().map_or(&[], |(_, lanes)| lanes)
     }
 
-    fn find(&self, lanes: &Lanes, center: Point, held: &Held) -> Vec<usize> {
+    fn find(&self, lanes: &Lanes, center: Point) -> Vec<usize> {
         let before = self.now();
-        let kept = lanes.follow(before, held);
+        let kept = lanes.follow(before, &self.held);
         if !kept.is_empty() {
             return kept;
         }
-        let found = lanes.search(held);
+        let found = lanes.search(&self.held);
         let within_intersection = found.first().is_none_or(|lane| lanes.is_connector(*lane));
         // nuPlan asks this from its third sample on.
         if self.samples.len() > 1 && before.first().is_some_and(|lane| lanes.is_connector(*lane)) && within_intersection

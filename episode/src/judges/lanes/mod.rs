@@ -7,12 +7,18 @@
 //! | module | what |
 //! | --- | --- |
 //! | `strip` | lanes as strips of ground; which of them hold a point |
+//! | `held` | the lanes that hold a point |
+//! | `boundaries` | how far a lane reaches to either side |
 //! | `driven` | the lanes of the AV's centre: direction, speed limit |
 //! | `corners` | the lanes of the box's corners: whether it is in one lane |
 
+mod boundaries;
 mod corners;
 mod driven;
+mod held;
 mod strip;
+
+use world::geometry::Point;
 
 use self::corners::{Corners, in_one_lane};
 use self::driven::DrivenLanes;
@@ -24,23 +30,7 @@ pub use self::strip::{Lanes, Strip};
 /// Metres driven against a lane within a second from which on the AV drives the wrong way (nuPlan's compliance threshold).
 pub const WRONG_WAY: f64 = 2.0;
 
-/// What the lanes say of the AV at one step.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LaneReading {
-    /// Whether its box lies wholly in one lane, or across ones that lead into each other.
-    pub in_one_lane: bool,
-    /// Whether its rear axle is in an intersection.
-    pub in_intersection: bool,
-    /// Metres driven against the lane's direction in the last second, never negative.
-    pub backward_travel: f64,
-    /// m/s, 0 where it is not known.
-    pub speed_limit: f64,
-    /// For each corner of its box how far (m) it is outside of the lanes that its centre is in; 0 where any lane holds it, infinite
-    /// where no lane holds the centre.
-    pub corners_outside: [f64; 4],
-}
-
-/// Follows the AV from lane to lane.
+/// Follows the AV from lane to lane. Its corners are followed only if somebody asks for them: they cost four times what its centre does.
 #[derive(Clone, Debug, Default)]
 pub struct LaneTracker {
     driven: DrivenLanes,
@@ -48,25 +38,22 @@ pub struct LaneTracker {
 }
 
 impl LaneTracker {
-    /// The reading at the next step, of an AV whose axles are `wheelbase` (m) apart, on ground at the height `ground` (m).
-    pub fn read(&mut self, lanes: &Lanes, av: &Body, wheelbase: f64, ground: f64) -> LaneReading {
-        let forward = av.outline.forward;
-        let center = av.outline.center;
-        let held = lanes.holding(center, ground, forward);
-        let Driven { backward_travel, speed_limit } = self.driven.read(lanes, center, &held);
-        let places = av.outline.corners();
-        let corners = self.corners.read(lanes, &places.map(|corner| lanes.holding(corner, ground, forward)));
-        let outside = |corner: usize| {
-            let from_centre = self.driven.now().iter().map(|lane| lanes.distance(*lane, places[corner]));
-            if corners[corner].is_empty() { from_centre.fold(f64::INFINITY, f64::min) } else { 0.0 }
-        };
-        LaneReading {
-            in_one_lane: in_one_lane(lanes, &corners),
-            in_intersection: lanes.is_intersection(av.rear_axle(wheelbase), ground),
-            backward_travel,
-            speed_limit,
-            corners_outside: std::array::from_fn(outside),
-        }
+    /// The reading at the next step, of an AV on ground at the height `ground` (m).
+    pub fn read(&mut self, lanes: &Lanes, av: &Body, ground: f64) -> Driven {
+        self.corners.wait(av, ground);
+        self.driven.read(lanes, av, ground)
+    }
+
+    /// Whether the AV's box lies wholly in one lane now, or across ones that lead into each other.
+    pub fn in_one_lane(&mut self, lanes: &Lanes) -> bool {
+        in_one_lane(lanes, self.corners.now(lanes))
+    }
+
+    /// How far (m) a corner of the AV's box is outside of the lanes that its centre is in now; 0 where any lane holds it, infinite where
+    /// no lane holds the centre.
+    pub fn corner_outside(&mut self, lanes: &Lanes, corner: usize, place: Point) -> f64 {
+        let from_centre = self.driven.now().iter().map(|lane| lanes.distance(*lane, place));
+        if self.corners.now(lanes)[corner].is_empty() { from_centre.fold(f64::INFINITY, f64::min) } else { 0.0 }
     }
 
     /// What the samples so far say of direction and speed limit, now that it is known where the AV went: in an intersection that tells
@@ -79,7 +66,9 @@ impl LaneTracker {
 
 #[cfg(test)]
 mod tests {
-    use world::geometry::{Point, Point3, Pose};
+    use std::sync::Arc;
+
+    use world::geometry::{Point3, Pose};
     use world::map::{BoundarySegment, Lane, LaneKind, Map, MapId, RoadLine, RoadLineKind};
     use world::scene::AgentState;
     use world::vehicle::WHEELBASE;
@@ -99,7 +88,10 @@ mod tests {
     }
 
     fn lanes(map: &Map) -> Lanes {
-        Lanes::of(map, &Level::along(&[Point3::new(-60.0, 0.0, 0.0), Point3::new(60.0, 0.0, 0.0)], 5.0))
+        Lanes::of(
+            &Arc::new(map.clone()),
+            &Level::along(&[Point3::new(-60.0, 0.0, 0.0), Point3::new(60.0, 0.0, 0.0)], 5.0),
+        )
     }
 
     fn av(x: f64, y: f64, heading: f64) -> Body {
@@ -107,10 +99,25 @@ mod tests {
         Body::of(AgentState { x, y, heading, length: 5.0, width: 2.0, ..AgentState::default() })
     }
 
-    fn read(map: &Map, at: &[Body]) -> LaneReading {
+    /// All that the lanes say of the AV at one step.
+    #[derive(Debug, Default)]
+    struct Reading {
+        in_one_lane: bool,
+        in_intersection: bool,
+        backward_travel: f64,
+        speed_limit: f64,
+    }
+
+    fn read_next(tracker: &mut LaneTracker, lanes: &Lanes, av: &Body, ground: f64) -> Reading {
+        let Driven { backward_travel, speed_limit } = tracker.read(lanes, av, ground);
+        let in_intersection = lanes.is_intersection(av.rear_axle(WHEELBASE), ground);
+        Reading { in_one_lane: tracker.in_one_lane(lanes), in_intersection, backward_travel, speed_limit }
+    }
+
+    fn read(map: &Map, at: &[Body]) -> Reading {
         let lanes = lanes(map);
         let mut tracker = LaneTracker::default();
-        at.iter().map(|av| tracker.read(&lanes, av, WHEELBASE, 0.0)).last().unwrap_or_default()
+        at.iter().map(|av| read_next(&mut tracker, &lanes, av, 0.0)).last().unwrap_or_default()
     }
 
     #[test]
@@ -197,8 +204,8 @@ mod tests {
         let map = Map { lanes: vec![lane(1, (-20.0, 0.0), (20.0, 0.0)), bridge], ..Map::default() };
         // The route goes over both.
         let route = [(-60.0, 0.0, 0.0), (60.0, 0.0, 0.0), (30.0, -30.0, 6.0), (0.0, -20.0, 6.0), (0.0, 60.0, 6.0)];
-        let lanes = Lanes::of(&map, &Level::along(&route.map(|(x, y, z)| Point3::new(x, y, z)), 5.0));
-        let at = |ground| LaneTracker::default().read(&lanes, &av(0.0, 0.0, 0.0), WHEELBASE, ground);
+        let lanes = Lanes::of(&Arc::new(map), &Level::along(&route.map(|(x, y, z)| Point3::new(x, y, z)), 5.0));
+        let at = |ground| read_next(&mut LaneTracker::default(), &lanes, &av(0.0, 0.0, 0.0), ground);
         assert_eq!((lanes.strips().len(), at(0.0).in_intersection, at(6.0).in_intersection), (2, false, false));
         assert!(at(0.0).in_one_lane && !at(6.0).in_one_lane, "above, the car lies across a lane");
     }
@@ -218,7 +225,7 @@ mod tests {
             let states: Vec<Body> = (0..80).map(state).collect();
             let lanes = lanes(&map);
             let mut tracker = LaneTracker::default();
-            states.iter().map(|av| tracker.read(&lanes, av, WHEELBASE, 0.0).backward_travel).collect::<Vec<_>>()
+            states.iter().map(|av| tracker.read(&lanes, av, 0.0).backward_travel).collect::<Vec<_>>()
         };
         assert!(drive(1.0).iter().all(|back| *back < 1e-9), "{:?}", drive(1.0));
         // Against it: 0.83 m a step, also across the seam.
@@ -263,7 +270,7 @@ mod tests {
         let heading = libm::atan(0.3);
         let mut tracker = LaneTracker::default();
         let way = (0..30).map(|step| -19.0 + 2.0 * f64::from(step)).map(|x| av(x, 0.3 * (x + 20.0), heading));
-        let online: Vec<f64> = way.map(|av| tracker.read(&lanes, &av, WHEELBASE, 0.0).speed_limit).collect();
+        let online: Vec<f64> = way.map(|av| tracker.read(&lanes, &av, 0.0).speed_limit).collect();
         let settled: Vec<f64> = tracker.settle(&lanes).iter().map(|driven| driven.speed_limit).collect();
         assert!((online[0] - 50.0 * 0.447_04).abs() < 1e-9, "the larger of both");
         assert!(settled.iter().all(|limit| (limit - 20.0 * 0.447_04).abs() < 1e-9), "{settled:?}");
@@ -279,16 +286,14 @@ mod tests {
         };
         let centerline: Vec<Point3> = (0..=(rounds * 150.0) as i32).map(point).collect();
         let level = Level::along(&centerline, 5.0);
-        let lanes = Lanes::of(
-            &Map { lanes: vec![Lane { centerline, ..lane(1, (0.0, 0.0), (1.0, 0.0)) }], ..Map::default() },
-            &level,
-        );
+        let lane = Lane { centerline, ..lane(1, (0.0, 0.0), (1.0, 0.0)) };
+        let lanes = Lanes::of(&Arc::new(Map { lanes: vec![lane], ..Map::default() }), &level);
         let mut tracker = LaneTracker::default();
         let reading = |metre: u32| {
             let angle = f64::from(metre) / 12.0;
             let at = Point::unit(angle) * 12.1;
             let body = av(at.x, at.y, angle + std::f64::consts::FRAC_PI_2);
-            tracker.read(&lanes, &body, WHEELBASE, climb * angle / std::f64::consts::TAU).backward_travel
+            tracker.read(&lanes, &body, climb * angle / std::f64::consts::TAU).backward_travel
         };
         (0..metres).map(reading).collect()
     }

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use episode::judges::collision::{classify, is_ahead, is_at_fault, is_behind};
+use episode::judges::lanes::Lanes;
 use episode::judges::time_to_collision::TrafficAgent;
 use episode::judges::{Body, STOREY};
 use episode::metrics::nuplan;
@@ -208,16 +209,15 @@ impl Series<'_> {
             }
             let red = self.drive.scene.signals(log_index).iter().filter(|signal| signal.state.is_red());
             let Surface { lanes, on_route, .. } = self.ground.surface();
-            let strips = lanes.strips();
-            let mut lanes = red.flat_map(|signal| {
-                let of_signal = strips.iter().enumerate().filter(|(_, strip)| strip.id == signal.lane);
-                of_signal.filter(|(lane, _)| on_route[*lane]).map(|(_, strip)| (strip, signal.stop_point))
+            let mut ruled = red.flat_map(|signal| {
+                let of_signal = lanes.strips().iter().enumerate().filter(|(_, strip)| strip.id == signal.lane);
+                of_signal.filter(|(lane, _)| on_route[*lane]).map(|(lane, _)| (lane, signal.stop_point))
             });
             let corners = body.outline.corners();
             let is_level = |height: f64| (height - Ground::below(&body.state)).abs() <= STOREY;
-            lanes.any(|(strip, stop)| {
+            ruled.any(|(lane, stop)| {
                 is_level(stop.z)
-                    && pieces(&strip.points, &strip.widths, stop.xy()).iter().any(|piece| {
+                    && pieces(lanes, lane, stop.xy()).iter().any(|piece| {
                         piece[0].distance(body.outline.center) < 50.0 && convex::distance(piece, &corners) == 0.0
                     })
             })
@@ -250,8 +250,9 @@ fn meets(body: &Body, outline: &OrientedBox, other: &AgentState) -> bool {
     (body.state.z - other.z).abs() <= STOREY && boxes_overlap(outline, &other.oriented_box())
 }
 
-/// A strip of ground in pieces of four corners, from where it is nearest to `stop` on.
-fn pieces(points: &[Point], widths: &[[f64; 2]], stop: Point) -> Vec<[Point; 4]> {
+/// A lane in pieces of four corners, from where it is nearest to `stop` on.
+fn pieces(lanes: &Lanes, lane: usize, stop: Point) -> Vec<[Point; 4]> {
+    let points = &lanes.strips()[lane].points;
     let segment = |index: usize| world::geometry::Segment { start: points[index], end: points[index + 1] };
     let distance = |index: &usize| segment(*index).nearest_to(stop).distance_squared;
     let last = points.len() - 1;
@@ -261,7 +262,7 @@ fn pieces(points: &[Point], widths: &[[f64; 2]], stop: Point) -> Vec<[Point; 4]>
         let along = way.vector() * (1.0 / way.length());
         let left = Point::new(-along.y, along.x);
         let start = if index == first { way.nearest_to(stop).point } else { way.start };
-        let [begin, end] = [widths[index], widths[index + 1]];
+        let [begin, end] = [index, index + 1].map(|point| lanes.widths(lane, point));
         [start + left * begin[0], way.end + left * end[0], way.end - left * end[1], start - left * begin[1]]
     };
     (first..last).map(piece).collect()
