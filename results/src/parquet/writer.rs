@@ -22,6 +22,9 @@ const ROW_GROUP: usize = 1 << 17;
 /// Batches that become one: most episodes have one row, and each array some 300 bytes of its own.
 const PILE: usize = 64;
 
+/// Rows that are enough for a pile, of however few batches.
+const PILE_ROWS: usize = 1 << 14;
+
 /// A file on its way, the same bytes for the same batches. The rows of the open row group wait in a scratch file, to be encoded column by
 /// column when it is full: rows in memory need 40 MB, and encoders of all columns at once thrice that, each with a dictionary of its own.
 pub struct Writer {
@@ -70,7 +73,7 @@ impl Writer {
             rest = rest.slice(fit, rest.num_rows() - fit);
             if self.rows == ROW_GROUP {
                 self.close_row_group()?;
-            } else if self.fresh.len() == PILE {
+            } else if self.fresh.len() == PILE || self.fresh_rows() >= PILE_ROWS {
                 let pile = Pile::of(&self.schema, &mut self.fresh)?;
                 let kept = Scratch::keep(&mut self.scratch, &self.path, &self.schema, pile);
                 kept.map_err(|error| cannot_write(&self.path, error))?;
@@ -89,6 +92,10 @@ impl Writer {
         }
         let file = self.file.into_inner().map_err(|error| cannot_write(&self.path, error))?;
         Ok(file.commit()?)
+    }
+
+    fn fresh_rows(&self) -> usize {
+        self.fresh.iter().map(RecordBatch::num_rows).sum()
     }
 
     fn close_row_group(&mut self) -> Result<(), ParquetError> {
