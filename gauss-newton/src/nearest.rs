@@ -264,13 +264,11 @@ impl Boxes {
     /// Squared distances to other bounds: no more than those between any points within, also as rounded.
     #[inline(always)]
     fn distances_to(&self, other: &Bounds) -> [f64; GROUP] {
-        let mut distances = [0.0; GROUP];
-        for i in 0..GROUP {
+        std::array::from_fn(|i| {
             let dx = larger(larger(self.low_x[i] - other.high_x, other.low_x - self.high_x[i]), 0.0);
             let dy = larger(larger(self.low_y[i] - other.high_y, other.low_y - self.high_y[i]), 0.0);
-            distances[i] = dx * dx + dy * dy;
-        }
-        distances
+            dx * dx + dy * dy
+        })
     }
 }
 

@@ -5,7 +5,7 @@
 
 #![allow(clippy::unwrap_used, missing_docs, reason = "a bench")]
 
-#[path = "../tests/synthetic.rs"]
+#[path = "../tests/synthetic/mod.rs"]
 mod synthetic;
 
 use criterion::{Criterion, criterion_group, criterion_main};

@@ -38,8 +38,10 @@ fn lanes(map: &Map) -> Lanes {
 fn eager(map: &Map) -> Lanes {
     let lanes = lanes(map);
     for lane in (0..lanes.strips.len()).rev() {
-        (0..lanes.strips[lane].points.len()).for_each(|point| drop(lanes.widths(lane, point)));
-        lanes.is_connector(lane);
+        (0..lanes.strips[lane].points.len()).for_each(|point| {
+            let _ = lanes.widths(lane, point);
+        });
+        let _ = lanes.is_connector(lane);
     }
     lanes
 }
