@@ -10,7 +10,7 @@
 //! | --- | --- |
 //! | [`core`] | what follows from what happened: pure |
 //! | [`worker`], [`recorder`] | the threads that do it |
-//! | [`drive`], [`line`] | one episode, and its driver at the end of a line |
+//! | [`drive`], [`mod@line`] | one episode, and its driver at the end of a line |
 //! | [`in_process`] | drivers that are in this process |
 //! | [`beginning`] | episodes that are not their driver's from the first step on |
 //! | [`frames`] | no drive at all: plans at frames of the log, to be judged |
