@@ -18,7 +18,7 @@
 //! | `motion` | rollout and its first and second derivatives |
 //! | `rows`, `objective` | the cost terms and products with their Jacobian |
 //! | `sweep`, `dense`, `linear` | the normal equations: along the chain of steps, and written out |
-//! | `lanes`, `wide` | several problems side by side; loops by the machine's widest vector instructions |
+//! | `wide` | loops by the machine's widest vector instructions |
 //! | `solver` | iterations, stopping, polish |
 //! | `coupling` | how the authors' samples of a batch depend on the first |
 //! | `gradient`, `batch` | the unrolled iterations as a layer of a network; many samples at once |
@@ -31,7 +31,6 @@ mod controls;
 mod coupling;
 pub mod dense;
 mod gradient;
-mod lanes;
 mod linear;
 mod motion;
 mod nearest;

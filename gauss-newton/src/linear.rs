@@ -18,7 +18,7 @@ pub enum LinearSolver {
 /// The factorized normal matrix of either.
 #[derive(Clone, Debug)]
 pub(super) enum NormalEquations {
-    Sweep(Box<Sweep<1>>),
+    Sweep(Box<Sweep>),
     Dense(Box<Dense>),
 }
 
@@ -32,14 +32,14 @@ impl NormalEquations {
 
     pub fn factorize(&mut self, at: &Evaluation, weights: &[f64; TERMS]) -> Result<(), BadPivot> {
         match self {
-            Self::Sweep(sweep) => sweep.factorize([at], weights)[0],
+            Self::Sweep(sweep) => sweep.factorize(at, weights),
             Self::Dense(dense) => dense.factorize(at, weights),
         }
     }
 
     pub fn solve(&mut self, at: &Evaluation, right: &Controls, solution: &mut Controls) {
         match self {
-            Self::Sweep(sweep) => sweep.solve([at], [right], [solution]),
+            Self::Sweep(sweep) => sweep.solve(at, right, solution),
             Self::Dense(dense) => dense.solve(right, solution),
         }
     }

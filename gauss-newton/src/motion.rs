@@ -10,38 +10,37 @@ use world::vehicle::{BicycleModel, StepDerivatives, UpdateOrder, VehicleState};
 
 use super::constants::{DT, STEPS};
 use super::controls::Controls;
-use super::lanes::Number;
 
 /// One step's link in the chain, as products that the sweeps need.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Stage<T = f64> {
+pub(super) struct Stage {
     /// Position by speed.
-    pub forward_x: T,
-    pub forward_y: T,
+    pub forward_x: f64,
+    pub forward_y: f64,
     /// Position by heading.
-    pub side_x: T,
-    pub side_y: T,
+    pub side_x: f64,
+    pub side_y: f64,
     /// Heading by speed.
-    pub turn: T,
+    pub turn: f64,
     /// Heading by steering angle.
-    pub steering: T,
+    pub steering: f64,
     /// Speed by acceleration.
-    pub acceleration: T,
+    pub acceleration: f64,
     /// Speed by the speed before.
-    pub speed: T,
+    pub speed: f64,
 }
 
 /// A change of the state, or a gradient by it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StateChange<T = f64> {
+pub struct StateChange {
     /// Of x.
-    pub x: T,
+    pub x: f64,
     /// Of y.
-    pub y: T,
+    pub y: f64,
     /// Of the heading.
-    pub heading: T,
+    pub heading: f64,
     /// Of the speed.
-    pub speed: T,
+    pub speed: f64,
 }
 
 impl Stage {
@@ -58,12 +57,10 @@ impl Stage {
             speed: d.speed_gain,
         }
     }
-}
 
-impl<T: Number> Stage<T> {
     /// The change after the step, of that before it and of the control's.
     #[inline(always)]
-    pub fn push(&self, order: UpdateOrder, s: &mut StateChange<T>, acceleration: T, steering: T) {
+    pub fn push(&self, order: UpdateOrder, s: &mut StateChange, acceleration: f64, steering: f64) {
         let (speed_before, heading_before) = (s.speed, s.heading);
         s.speed = self.speed * s.speed + self.acceleration * acceleration;
         let moving = if order == UpdateOrder::FromUpdated { s.speed } else { speed_before };
@@ -75,7 +72,7 @@ impl<T: Number> Stage<T> {
 
     /// The gradient by the state before and by the control, of that by the state after.
     #[inline(always)]
-    pub fn pull(&self, order: UpdateOrder, s: &mut StateChange<T>) -> (T, T) {
+    pub fn pull(&self, order: UpdateOrder, s: &mut StateChange) -> (f64, f64) {
         let by_direction = self.side_x * s.x + self.side_y * s.y;
         if order == UpdateOrder::FromUpdated {
             s.heading += by_direction;

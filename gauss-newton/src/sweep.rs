@@ -11,8 +11,6 @@
 //! The last two only where a red light is passed, or where the vehicle model clips a control so that the speed that is costed
 //! is another than that which is driven. The pivots are those of a Cholesky factorization of the normal matrix, its unknowns in
 //! backward order; a solve for a right-hand side goes back and forth once over the chain. 50 small steps instead of 100^3 / 3.
-//!
-//! Each number waits for the one before, so the chains of several searches at once take hardly longer than that of one.
 
 #![allow(
     clippy::needless_range_loop,
@@ -23,7 +21,6 @@ use world::vehicle::UpdateOrder;
 
 use super::constants::{DT, KEY_STEPS, SINGULAR, STEPS, TERMS, Term};
 use super::controls::Controls;
-use super::lanes::Lanes;
 use super::motion::{Stage, StateChange};
 use super::objective::{Evaluation, SafetyRow};
 use super::wide::wide;
@@ -52,51 +49,31 @@ pub struct BadPivot {
 
 /// How the controls of a step follow from the state before it and the controls before.
 #[derive(Clone, Copy, Debug, Default)]
-struct Gains<const L: usize> {
+struct Gains {
     /// Acceleration by steering angle (of the same step) and by state; by position of [`STEERING`] and on.
-    acceleration: [Lanes<L>; LARGE],
+    acceleration: [f64; LARGE],
     /// Acceleration by the acceleration before.
-    acceleration_before: Lanes<L>,
+    acceleration_before: f64,
     /// Steering by state.
-    steering: [Lanes<L>; LARGE],
+    steering: [f64; LARGE],
     /// Steering by the acceleration and the steering before.
-    steering_before: [Lanes<L>; 2],
+    steering_before: [f64; 2],
     /// One over the pivots.
-    acceleration_pivot: Lanes<L>,
-    steering_pivot: Lanes<L>,
+    acceleration_pivot: f64,
+    steering_pivot: f64,
 }
 
-/// The factorized normal matrices of `L` searches.
+/// The factorized normal matrix.
 #[derive(Clone, Debug)]
-pub struct Sweep<const L: usize> {
-    gains: [Gains<L>; STEPS],
-    feed: [[Lanes<L>; 2]; STEPS],
-    shape: Shape,
-}
-
-impl<const L: usize> Default for Sweep<L> {
-    fn default() -> Self {
-        Self {
-            gains: [Gains::default(); STEPS],
-            feed: [[Lanes::ZERO; 2]; STEPS],
-            shape: Shape { large: false, order: UpdateOrder::FromUpdated },
-        }
-    }
-}
-
-/// How a matrix is made. Those that are factorized at once are made alike.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shape {
+pub struct Sweep {
+    gains: [Gains; STEPS],
+    feed: [[f64; 2]; STEPS],
     large: bool,
-    order: UpdateOrder,
 }
 
-impl Shape {
-    /// That of the normal matrix at a point.
-    pub fn of(at: &Evaluation) -> Self {
-        let as_driven = |stage: &Stage| stage.acceleration == DT && stage.speed == 1.0;
-        let large = at.red_from < STEPS || !at.motion.stages.iter().all(as_driven);
-        Self { large, order: at.motion.order }
+impl Default for Sweep {
+    fn default() -> Self {
+        Self { gains: [Gains::default(); STEPS], feed: [[0.0; 2]; STEPS], large: false }
     }
 }
 
@@ -108,29 +85,29 @@ struct Curvature {
 }
 
 impl Curvature {
-    #[inline(always)]
-    fn of<const L: usize>(&self, term: Term) -> Lanes<L> {
-        Lanes::all(self.squared[term as usize])
+    fn of(&self, term: Term) -> f64 {
+        self.squared[term as usize]
     }
 }
 
-type Matrix<const N: usize, const L: usize> = [[Lanes<L>; N]; N];
+type Matrix<const N: usize> = [[f64; N]; N];
 
-impl<const L: usize> Sweep<L> {
-    /// Factorizes the normal matrices at these points, all of one [`Shape`].
+impl Sweep {
+    /// Factorizes the normal matrix at this point.
     ///
     /// # Errors
-    /// [`BadPivot`], if a matrix is singular.
-    pub fn factorize(&mut self, at: [&Evaluation; L], weights: &[f64; TERMS]) -> [Result<(), BadPivot>; L] {
+    /// [`BadPivot`], if the matrix is singular.
+    pub fn factorize(&mut self, at: &Evaluation, weights: &[f64; TERMS]) -> Result<(), BadPivot> {
         let squared = weights.map(|w| w * w);
         let per_step = 1.0 / (DT * DT);
         let jerk = squared[Term::Jerk as usize] * per_step;
         let steering_change = squared[Term::SteeringChange as usize] * per_step;
         let curvature = Curvature { squared, jerk, steering_change };
-        self.shape = Shape::of(at[0]);
+        let as_driven = |stage: &Stage| stage.acceleration == DT && stage.speed == 1.0;
+        self.large = at.red_from < STEPS || !at.motion.stages.iter().all(as_driven);
         wide(
             #[inline(always)]
-            || match (self.shape.large, self.shape.order) {
+            || match (self.large, at.motion.order) {
                 (false, UpdateOrder::FromUpdated) => self.factorize_sized::<SMALL, true>(at, &curvature),
                 (false, UpdateOrder::FromBefore) => self.factorize_sized::<SMALL, false>(at, &curvature),
                 (true, UpdateOrder::FromUpdated) => self.factorize_sized::<LARGE, true>(at, &curvature),
@@ -142,33 +119,24 @@ impl<const L: usize> Sweep<L> {
     #[inline(always)]
     fn factorize_sized<const N: usize, const UPDATED: bool>(
         &mut self,
-        at: [&Evaluation; L],
+        at: &Evaluation,
         curvature: &Curvature,
-    ) -> [Result<(), BadPivot>; L] {
-        let mut results = [Ok(()); L];
-        let mut p: Matrix<N, L> = [[Lanes::ZERO; N]; N];
-        let mut safety = at.map(Evaluation::safety);
+    ) -> Result<(), BadPivot> {
+        let mut p: Matrix<N> = [[0.0; N]; N];
+        let mut safety = at.safety();
         for t in (0..STEPS).rev() {
             add_curvature(&mut p, t, at, curvature, &mut safety);
-            pull_both_sides::<N, L, UPDATED>(at, t, &mut p);
-            let good = eliminate(&mut p, t, at, curvature, &mut self.gains[t]);
-            for l in 0..L {
-                if !good[l] && results[l].is_ok() {
-                    results[l] = Err(BadPivot { step: t });
-                }
-            }
-            if results.iter().all(Result::is_err) {
-                break;
-            }
+            pull_both_sides::<N, UPDATED>(at, t, &mut p);
+            eliminate(&mut p, t, at, curvature, &mut self.gains[t]).ok_or(BadPivot { step: t })?;
         }
-        results
+        Ok(())
     }
 
-    /// Solves `matrix * solution = right` for each.
-    pub fn solve(&mut self, at: [&Evaluation; L], right: [&Controls; L], solution: [&mut Controls; L]) {
+    /// Solves `matrix * solution = right`.
+    pub fn solve(&mut self, at: &Evaluation, right: &Controls, solution: &mut Controls) {
         wide(
             #[inline(always)]
-            || match (self.shape.large, self.shape.order) {
+            || match (self.large, at.motion.order) {
                 (false, UpdateOrder::FromUpdated) => self.solve_sized::<SMALL, true>(at, right, solution),
                 (false, UpdateOrder::FromBefore) => self.solve_sized::<SMALL, false>(at, right, solution),
                 (true, UpdateOrder::FromUpdated) => self.solve_sized::<LARGE, true>(at, right, solution),
@@ -180,15 +148,15 @@ impl<const L: usize> Sweep<L> {
     #[inline(always)]
     fn solve_sized<const N: usize, const UPDATED: bool>(
         &mut self,
-        at: [&Evaluation; L],
-        right: [&Controls; L],
-        mut solution: [&mut Controls; L],
+        at: &Evaluation,
+        right: &Controls,
+        solution: &mut Controls,
     ) {
-        let mut q = [Lanes::ZERO; N];
+        let mut q = [0.0; N];
         for t in (0..STEPS).rev() {
-            q[ACCELERATION] += Lanes::of(|l| right[l].acceleration[t]);
-            q[STEERING] += Lanes::of(|l| right[l].steering[t]);
-            pull::<N, L, UPDATED>(at, t, &mut q);
+            q[ACCELERATION] += right.acceleration[t];
+            q[STEERING] += right.steering[t];
+            pull::<N, UPDATED>(at, t, &mut q);
             let gains = &self.gains[t];
             let a = q[ACCELERATION];
             for i in STEERING..N {
@@ -202,11 +170,11 @@ impl<const L: usize> Sweep<L> {
             q[ACCELERATION] = -a * gains.acceleration_before - s * gains.steering_before[0];
             q[STEERING] = -s * gains.steering_before[1];
         }
-        let (mut state, mut costed, mut distance) = (StateChange::<Lanes<L>>::default(), Lanes::ZERO, Lanes::ZERO);
-        let (mut a, mut s) = (Lanes::ZERO, Lanes::ZERO);
+        let (mut state, mut costed, mut distance) = (StateChange::default(), 0.0, 0.0);
+        let (mut a, mut s) = (0.0, 0.0);
         for t in 0..STEPS {
             let gains = &self.gains[t];
-            let by_state = |gain: &[Lanes<L>; LARGE]| {
+            let by_state = |gain: &[f64; LARGE]| {
                 let small =
                     gain[X] * state.x + gain[Y] * state.y + gain[HEADING] * state.heading + gain[SPEED] * state.speed;
                 if N == LARGE { small + gain[DISTANCE] * distance + gain[COSTED] * costed } else { small }
@@ -217,118 +185,78 @@ impl<const L: usize> Sweep<L> {
                 - gains.acceleration[STEERING] * s
                 - by_state(&gains.acceleration)
                 - gains.acceleration_before * a;
-            for (l, solution) in solution.iter_mut().enumerate() {
-                solution.acceleration[t] = a.0[l];
-                solution.steering[t] = s.0[l];
-            }
-            stage(at, t).push(order::<UPDATED>(), &mut state, a, s);
+            solution.acceleration[t] = a;
+            solution.steering[t] = s;
+            let order = if UPDATED { UpdateOrder::FromUpdated } else { UpdateOrder::FromBefore };
+            at.motion.stages[t].push(order, &mut state, a, s);
             if N == LARGE {
-                costed += Lanes::all(DT) * a;
-                distance += Lanes::all(DT) * moves(at, t) * costed;
+                costed += DT * a;
+                distance += DT * at.moves[t] * costed;
             }
         }
     }
-}
-
-#[inline(always)]
-fn order<const UPDATED: bool>() -> UpdateOrder {
-    if UPDATED { UpdateOrder::FromUpdated } else { UpdateOrder::FromBefore }
-}
-
-/// The chain's link at a step, of each search.
-#[inline(always)]
-fn stage<const L: usize>(at: [&Evaluation; L], t: usize) -> Stage<Lanes<L>> {
-    let of = |part: fn(&Stage) -> f64| Lanes::of(|l| part(&at[l].motion.stages[t]));
-    Stage {
-        forward_x: of(|stage| stage.forward_x),
-        forward_y: of(|stage| stage.forward_y),
-        side_x: of(|stage| stage.side_x),
-        side_y: of(|stage| stage.side_y),
-        turn: of(|stage| stage.turn),
-        steering: of(|stage| stage.steering),
-        acceleration: of(|stage| stage.acceleration),
-        speed: of(|stage| stage.speed),
-    }
-}
-
-#[inline(always)]
-fn moves<const L: usize>(at: [&Evaluation; L], t: usize) -> Lanes<L> {
-    Lanes::of(|l| at[l].moves[t])
 }
 
 /// Adds what the rows of step `t` cost.
 #[inline(always)]
-fn add_curvature<const N: usize, const L: usize>(
-    p: &mut Matrix<N, L>,
+fn add_curvature<const N: usize>(
+    p: &mut Matrix<N>,
     t: usize,
-    at: [&Evaluation; L],
+    at: &Evaluation,
     curvature: &Curvature,
-    safety: &mut [&[SafetyRow]; L],
+    safety: &mut &[SafetyRow],
 ) {
     p[ACCELERATION][ACCELERATION] += curvature.of(Term::Acceleration);
     p[STEERING][STEERING] += curvature.of(Term::Steering);
     let costed = if N == LARGE { COSTED } else { SPEED };
-    p[costed][costed] += curvature.of(Term::Speed) * moves(at, t);
-    if N == LARGE {
-        for l in 0..L {
-            if t >= at[l].red_from {
-                p[DISTANCE][DISTANCE].0[l] += curvature.squared[Term::RedLight as usize];
-            }
-        }
+    p[costed][costed] += curvature.of(Term::Speed) * at.moves[t];
+    if N == LARGE && t >= at.red_from {
+        p[DISTANCE][DISTANCE] += curvature.of(Term::RedLight);
     }
     if t % 2 == 1 {
         p[X][X] += curvature.of(Term::LanePosition);
         p[Y][Y] += curvature.of(Term::LanePosition);
         p[HEADING][HEADING] += curvature.of(Term::LaneHeading);
-        for l in 0..L {
-            if at[l].rows.extent.lane_edge > 0 {
-                add_position(p, l, curvature.squared[Term::LanePosition as usize], at[l].edge[t / 2]);
-            }
+        if at.rows.extent.lane_edge > 0 {
+            add_position(p, curvature.of(Term::LanePosition), at.edge[t / 2]);
         }
     }
-    for l in 0..L {
-        while let Some((row, rest)) = safety[l].split_last()
-            && KEY_STEPS[row.key] == t
-        {
-            safety[l] = rest;
-            add_position(p, l, curvature.squared[Term::Safety as usize], row.away);
-        }
+    while let Some((row, rest)) = safety.split_last()
+        && KEY_STEPS[row.key] == t
+    {
+        *safety = rest;
+        add_position(p, curvature.of(Term::Safety), row.away);
     }
 }
 
-/// Adds what a row of a search costs that changes by this vector with the position.
+/// Adds what a row costs that changes by this vector with the position.
 #[inline(always)]
-fn add_position<const N: usize, const L: usize>(p: &mut Matrix<N, L>, l: usize, weight: f64, (x, y): (f64, f64)) {
-    p[X][X].0[l] += weight * x * x;
-    p[X][Y].0[l] += weight * x * y;
-    p[Y][X].0[l] += weight * x * y;
-    p[Y][Y].0[l] += weight * y * y;
+fn add_position<const N: usize>(p: &mut Matrix<N>, weight: f64, (x, y): (f64, f64)) {
+    p[X][X] += weight * x * x;
+    p[X][Y] += weight * x * y;
+    p[Y][X] += weight * x * y;
+    p[Y][Y] += weight * y * y;
 }
 
 /// What is linear in the state after step `t` becomes linear in the state before it and the controls.
 #[inline(always)]
-fn pull<const N: usize, const L: usize, const UPDATED: bool>(at: [&Evaluation; L], t: usize, q: &mut [Lanes<L>; N]) {
+fn pull<const N: usize, const UPDATED: bool>(at: &Evaluation, t: usize, q: &mut [f64; N]) {
+    let order = if UPDATED { UpdateOrder::FromUpdated } else { UpdateOrder::FromBefore };
     let mut state = StateChange { x: q[X], y: q[Y], heading: q[HEADING], speed: q[SPEED] };
-    let (acceleration, steering) = stage(at, t).pull(order::<UPDATED>(), &mut state);
+    let (acceleration, steering) = at.motion.stages[t].pull(order, &mut state);
     (q[X], q[Y], q[HEADING], q[SPEED]) = (state.x, state.y, state.heading, state.speed);
     q[ACCELERATION] += acceleration;
     q[STEERING] += steering;
     if N == LARGE {
-        let by_distance = Lanes::all(DT) * moves(at, t) * q[DISTANCE];
-        q[COSTED] += by_distance;
-        let by_speed = Lanes::all(DT) * q[COSTED];
-        q[ACCELERATION] += by_speed;
+        q[COSTED] += DT * at.moves[t] * q[DISTANCE];
+        q[ACCELERATION] += DT * q[COSTED];
     }
 }
 
 /// The same for what is quadratic: [`pull`] from either side, entry by entry.
 #[inline(always)]
-fn pull_both_sides<const N: usize, const L: usize, const UPDATED: bool>(
-    at: [&Evaluation; L],
-    t: usize,
-    p: &mut Matrix<N, L>,
-) {
-    let stage = stage(at, t);
+fn pull_both_sides<const N: usize, const UPDATED: bool>(at: &Evaluation, t: usize, p: &mut Matrix<N>) {
+    let stage = &at.motion.stages[t];
     let to_heading = [(stage.side_x, X), (stage.side_y, Y)];
     let to_speed = [(stage.forward_x, X), (stage.forward_y, Y), (stage.turn, HEADING)];
     if UPDATED {
@@ -336,17 +264,16 @@ fn pull_both_sides<const N: usize, const L: usize, const UPDATED: bool>(
         add_to(p, SPEED, to_speed);
     }
     add_to(p, STEERING, [(stage.steering, HEADING)]);
-    let step = Lanes::all(DT);
     if N == LARGE {
-        add_to(p, COSTED, [(step * moves(at, t), DISTANCE)]);
-        add_to(p, ACCELERATION, [(stage.acceleration, SPEED), (step, COSTED)]);
+        add_to(p, COSTED, [(DT * at.moves[t], DISTANCE)]);
+        add_to(p, ACCELERATION, [(stage.acceleration, SPEED), (DT, COSTED)]);
         for i in 0..N {
             p[SPEED][i] *= stage.speed;
             p[i][SPEED] *= stage.speed;
         }
     } else {
         // No clip is active: the gains are the step and 1.
-        add_to(p, ACCELERATION, [(step, SPEED)]);
+        add_to(p, ACCELERATION, [(DT, SPEED)]);
     }
     if !UPDATED {
         add_to(p, SPEED, to_speed);
@@ -356,11 +283,7 @@ fn pull_both_sides<const N: usize, const L: usize, const UPDATED: bool>(
 
 /// Adds multiples of rows to row `to`, and the same of columns to column `to`: the matrix stays symmetric.
 #[inline(always)]
-fn add_to<const N: usize, const L: usize, const K: usize>(
-    p: &mut Matrix<N, L>,
-    to: usize,
-    from: [(Lanes<L>, usize); K],
-) {
+fn add_to<const N: usize, const K: usize>(p: &mut Matrix<N>, to: usize, from: [(f64, usize); K]) {
     let mut row = p[to];
     for (factor, from) in from {
         for i in 0..N {
@@ -368,8 +291,7 @@ fn add_to<const N: usize, const L: usize, const K: usize>(
         }
     }
     for (factor, from) in from {
-        let across = factor * row[from];
-        row[to] += across;
+        row[to] += factor * row[from];
     }
     for i in 0..N {
         p[i][to] = row[i];
@@ -377,27 +299,27 @@ fn add_to<const N: usize, const L: usize, const K: usize>(
     p[to] = row;
 }
 
-/// Takes the controls of step `t` out of the matrix and puts those of the step before in their place. Says of each search whether its
-/// pivots are positive.
+/// Takes the controls of step `t` out of the matrix and puts those of the step before in their place. `None` if a pivot is
+/// not positive.
 #[inline(always)]
-fn eliminate<const N: usize, const L: usize>(
-    p: &mut Matrix<N, L>,
+fn eliminate<const N: usize>(
+    p: &mut Matrix<N>,
     t: usize,
-    at: [&Evaluation; L],
+    at: &Evaluation,
     curvature: &Curvature,
-    gains: &mut Gains<L>,
-) -> [bool; L] {
-    let coupled =
-        |of: &dyn Fn(usize) -> f64| Lanes::of(|l| if t < at[l].rows.extent.first_change { 0.0 } else { of(l) });
-    let jerk = coupled(&|_| curvature.jerk);
-    let steering_change = coupled(&|l| curvature.steering_change * at[l].stiffness[t] * at[l].stiffness[t]);
-    let two = Lanes::all(2.0);
+    gains: &mut Gains,
+) -> Option<()> {
+    let (jerk, steering_change) = if t < at.rows.extent.first_change {
+        (0.0, 0.0)
+    } else {
+        (curvature.jerk, curvature.steering_change * at.stiffness[t] * at.stiffness[t])
+    };
 
     let rest = p[ACCELERATION][ACCELERATION];
     let row = p[ACCELERATION];
-    let (pivot, good_acceleration) = checked_pivot(rest, jerk, curvature.of(Term::Acceleration) + two * jerk);
+    let pivot = checked_pivot(rest, jerk, curvature.of(Term::Acceleration) + 2.0 * jerk)?;
     gains.acceleration_pivot = pivot;
-    let gain: [Lanes<L>; N] = row.map(
+    let gain: [f64; N] = row.map(
         #[inline(always)]
         |entry| entry * pivot,
     );
@@ -409,7 +331,7 @@ fn eliminate<const N: usize, const L: usize>(
         }
     }
     // The row of the acceleration before.
-    let before: [Lanes<L>; N] = gain.map(
+    let before: [f64; N] = gain.map(
         #[inline(always)]
         |gain| jerk * gain,
     );
@@ -417,10 +339,9 @@ fn eliminate<const N: usize, const L: usize>(
 
     let rest = p[STEERING][STEERING];
     let row = p[STEERING];
-    let (pivot, good_steering) =
-        checked_pivot(rest, steering_change, curvature.of(Term::Steering) + two * steering_change);
+    let pivot = checked_pivot(rest, steering_change, curvature.of(Term::Steering) + 2.0 * steering_change)?;
     gains.steering_pivot = pivot;
-    let gain: [Lanes<L>; N] = row.map(
+    let gain: [f64; N] = row.map(
         #[inline(always)]
         |entry| entry * pivot,
     );
@@ -443,13 +364,12 @@ fn eliminate<const N: usize, const L: usize>(
     p[ACCELERATION][STEERING] = steering_change * across;
     p[STEERING][ACCELERATION] = steering_change * across;
     p[STEERING][STEERING] = rest * steering_change * pivot;
-    std::array::from_fn(|l| good_acceleration[l] && good_steering[l])
+    Some(())
 }
 
-/// One over `rest + coupling`, and of each whether that is positive and more than rounding of `scale`.
+/// One over `rest + coupling`, if that is positive and more than rounding of `scale`.
 #[inline(always)]
-fn checked_pivot<const L: usize>(rest: Lanes<L>, coupling: Lanes<L>, scale: Lanes<L>) -> (Lanes<L>, [bool; L]) {
+fn checked_pivot(rest: f64, coupling: f64, scale: f64) -> Option<f64> {
     let pivot = rest + coupling;
-    let good = std::array::from_fn(|l| pivot.0[l] > SINGULAR * scale.0[l] && pivot.0[l].is_finite());
-    (Lanes::of(|l| 1.0 / pivot.0[l]), good)
+    (pivot > SINGULAR * scale && pivot.is_finite()).then(|| 1.0 / pivot)
 }

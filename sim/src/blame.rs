@@ -28,7 +28,7 @@ use crate::run::beginning::{Beginning, Beginnings, Lead};
 use crate::run::clock::WallClock;
 use crate::run::console::Console;
 use crate::run::interrupt::Interrupts;
-use crate::run::worker::Onlooker;
+use crate::run::shared::Onlooker;
 use crate::run::{RunError, Task, run_task};
 
 /// A run whose failures cannot be driven again.

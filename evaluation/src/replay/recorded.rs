@@ -91,8 +91,8 @@ impl Recorded {
         if let Some(line) = &scene.reference_line {
             observations = observations.into_iter().map(|observation| by_number(observation, line)).collect();
         }
-        // A later version says the same with other words.
-        let scene = proto::Scene { wire_version: WIRE_VERSION, ..scene };
+        // What an earlier version said has been put into today's words.
+        let scene = proto::Scene { wire_version: scene.wire_version.max(WIRE_VERSION), ..scene };
         Ok(Self {
             scene,
             end: end.ok_or(RecordedError::Missing("end"))?,

@@ -17,7 +17,7 @@ use crate::run::beginning::{Beginning, Lead};
 use crate::run::clock::WallClock;
 use crate::run::console::Console;
 use crate::run::interrupt::Interrupts;
-use crate::run::worker::Onlooker;
+use crate::run::shared::Onlooker;
 use crate::run::{RunError, Task, run_task};
 
 /// What was found of each episode.

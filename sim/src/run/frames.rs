@@ -24,7 +24,8 @@ use super::console::Console;
 use super::core::{Drive, Ending, Event};
 use super::drive::Driver;
 use super::interrupt::Interrupts;
-use super::worker::{Shared, Worker};
+use super::shared::Shared;
+use super::worker::Worker;
 use super::{RunError, State, drive_all, reach};
 use crate::request::Request;
 

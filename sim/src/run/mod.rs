@@ -10,6 +10,7 @@
 //! | --- | --- |
 //! | [`core`] | what follows from what happened: pure |
 //! | [`worker`], [`recorder`] | the threads that do it |
+//! | [`shared`] | what they share |
 //! | [`drive`], [`mod@line`] | one episode, and its driver at the end of a line |
 //! | [`in_process`] | drivers that are in this process |
 //! | [`beginning`] | episodes that are not their driver's from the first step on |
@@ -50,8 +51,9 @@ use self::core::{Core, Drive, Effects, Ending, Event};
 use self::in_process::InProcessError;
 use self::interrupt::Interrupts;
 use self::progress::Progress;
+use self::shared::{Onlooker, Reach, Shared};
 use self::timing::Breakdown;
-use self::worker::{Onlooker, Order, Reach, Shared};
+use self::worker::Order;
 use crate::request::Request;
 
 pub mod beginning;
@@ -70,6 +72,7 @@ pub mod process;
 pub mod progress;
 pub mod raised;
 pub mod recorder;
+pub mod shared;
 pub mod shell;
 pub mod threads;
 pub mod timing;

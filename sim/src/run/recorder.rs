@@ -10,7 +10,7 @@ use wire::keys::{Role, Workers};
 
 use super::core::Event;
 use super::process::{Groups, Process};
-use super::worker::Shared;
+use super::shared::Shared;
 
 /// How often the recorder is looked at.
 const GLANCE: Duration = Duration::from_millis(50);

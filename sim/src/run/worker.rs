@@ -1,44 +1,35 @@
 //! A worker: a thread with nodes of its own, that drives one scene after the other and stores what came of it.
 
-use std::cell::RefCell;
 use std::fs;
 use std::process::Command;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, SyncSender};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use episode::protocol::Protocol;
-use results::folder::Folder;
 use results::part::{LoggedState, Part};
 use results::settings::Record;
-use results::settings::{Node, Planner, RunFile};
-use scenarios::{SceneSet, lint};
-use wire::cores::Cores;
-use wire::hub::{BarrierError, Cast, HereLine, Hub, Line, Minds, Seat};
-use wire::keys::{Role, Secret, Worker as WorkerName, Workers};
+use results::settings::{Node, Planner};
+use scenarios::lint;
+use wire::hub::{Cast, HereLine, Line, Seat};
+use wire::keys::{Role, Worker as WorkerName, Workers};
 use wire::proto::{AgentState, EndReason, EpisodeEnd};
 use world::scene::Scene;
 
-use super::beginning::{Beginnings, Begun, NotBegun};
+use super::beginning::{Begun, NotBegun};
 use super::bus_threads;
-use super::clock::{Clock, WallClock};
-use super::console::Console;
+use super::clock::Clock;
 use super::core::{Drive, Event};
 use super::drive::{Driven, drive};
-use super::frames::Frames;
-use super::in_process::DrivenLogs;
 use super::line::LineDriver;
-use super::process::{self, Groups, Process, program};
+use super::process::{self, Process};
+use super::shared::Shared;
 use super::shell;
-use super::voice::Voice;
 use super::witness::Witness;
 
 /// What the recorder may take to close an episode's file, beyond the deadline of an answer.
 const CLOSING: Duration = Duration::from_secs(5);
-
-/// Who looks at each episode when it is stored, and at its files.
-pub type Onlooker = Box<dyn Fn(&Folder, &Part) + Send + Sync>;
 
 /// What the run asks of a worker.
 #[derive(Clone, Copy, Debug)]
@@ -47,173 +38,6 @@ pub enum Order {
     StartNodes,
     /// Drive a scene.
     Drive(Drive),
-}
-
-/// What all workers share. Nothing of it changes during a run, but for `stop`, the recorder and the groups.
-pub struct Shared {
-    /// Where the scenes come from.
-    pub scenes: SceneSet,
-    /// Who drives, and by which rules.
-    pub file: RunFile,
-    /// Where finished episodes go.
-    pub folder: Folder,
-    /// How episodes begin that are not their driver's from the first step on.
-    pub beginnings: Beginnings,
-    /// Who looks at each episode when it is stored.
-    pub onlooker: Option<Onlooker>,
-    /// Where figures go, if nothing is driven: plans are asked for at frames of the log, and judged.
-    pub frames: Option<Frames>,
-    /// The bus; none where nobody is on it.
-    pub hub: Option<Hub>,
-    /// Who drives in this process, in the place of nodes.
-    pub minds: Option<Minds>,
-    /// What they may know of the log.
-    pub logs: Arc<DrivenLogs>,
-    /// The place of a planner that somebody else starts, and that serves all workers.
-    pub external: Option<Arc<Seat>>,
-    /// The place of the recorder that runs.
-    pub recorder: Mutex<Option<Arc<Seat>>>,
-    /// Set by a worker that the recorder keeps waiting: it is replaced, so that this costs once.
-    pub recorder_is_frozen: AtomicBool,
-    /// The cores, if each worker keeps to one of them with its nodes.
-    pub cores: Option<Cores>,
-    /// Since the program began.
-    pub clock: WallClock,
-    /// Where nodes' lines go.
-    pub console: Console,
-    /// The planners and predictors that run, to be ended by whoever ends the run.
-    pub groups: Groups,
-    /// Set when nothing more is to be begun or stored.
-    pub stop: AtomicBool,
-}
-
-/// What drivers are reached by.
-#[derive(Default)]
-pub struct Reach {
-    /// The bus; none where nobody is on it.
-    pub hub: Option<Hub>,
-    /// The place of a planner that somebody else starts.
-    pub external: Option<Arc<Seat>>,
-    /// Who drives in this process.
-    pub minds: Option<Minds>,
-    /// What they may know of the log.
-    pub logs: Arc<DrivenLogs>,
-}
-
-impl Shared {
-    /// What workers share in a run in which every episode is its driver's from the first step on, and nobody looks on.
-    pub fn new(
-        (scenes, file, folder): (SceneSet, RunFile, Folder),
-        Reach { hub, external, minds, logs }: Reach,
-        cores: Option<Cores>,
-        clock: WallClock,
-        console: &Console,
-        groups: &Groups,
-    ) -> Self {
-        Self {
-            scenes,
-            file,
-            folder,
-            beginnings: Beginnings::default(),
-            onlooker: None,
-            frames: None,
-            hub,
-            minds,
-            logs,
-            external,
-            recorder: Mutex::default(),
-            recorder_is_frozen: AtomicBool::new(false),
-            cores,
-            clock,
-            console: console.clone(),
-            groups: groups.clone(),
-            stop: AtomicBool::new(false),
-        }
-    }
-
-    /// Starts a program of the workspace on the bus.
-    ///
-    /// # Errors
-    /// Why not, as a sentence.
-    pub fn start_program(
-        &self,
-        name: &str,
-        process: &str,
-        arguments: &[&str],
-        seat: &Seat,
-        groups: &Groups,
-    ) -> Result<Process, String> {
-        let mut command = Command::new(program(name).map_err(|error| error.to_string())?);
-        command.args(arguments);
-        bus_threads::set(&mut command, Some(1));
-        self.start_command(process, command, seat, groups)
-    }
-
-    fn start_command(
-        &self,
-        process: &str,
-        mut command: Command,
-        seat: &Seat,
-        groups: &Groups,
-    ) -> Result<Process, String> {
-        let hub = self.hub()?;
-        let run = hub.run().to_string();
-        // Nodes say what the sim would say, unless the user said otherwise.
-        if std::env::var_os("RUST_LOG").is_none() {
-            // A message that comes while a session closes is an error to Zenoh; here it is the end of every run.
-            let quiet = "warn,zenoh::api::session=off";
-            command.env("RUST_LOG", if tracing::enabled!(tracing::Level::INFO) { "info" } else { quiet });
-        }
-        // In the environment too, for a planner's command that is a script.
-        command.env("NO_COLOR", "1").env("RELOOP_ENDPOINT", hub.endpoint()).env("RELOOP_RUN", &run);
-        command.env("RELOOP_EXIT_WITH_PARENT", "true");
-        // There alone: everybody on the machine can read arguments.
-        command.env(Secret::VARIABLE, seat.secret().reveal());
-        command.args(["--endpoint", hub.endpoint(), "--run", &run, "--exit-with-parent"]);
-        // The logs of a worker's nodes are one: what they say belongs together.
-        let log = process.rsplit(' ').next().unwrap_or(process);
-        let voice = Voice::new(process, &self.console, self.folder.file("logs").join(format!("{log}.log")));
-        Process::start(process, command, groups, voice).map_err(|error| error.to_string())
-    }
-
-    /// The bus.
-    ///
-    /// # Errors
-    /// That there is none, as a sentence.
-    pub fn hub(&self) -> Result<&Hub, String> {
-        self.hub.as_ref().ok_or_else(|| "this run has no bus".to_owned())
-    }
-
-    /// How often this process stood still.
-    pub fn pauses(&self) -> u64 {
-        self.hub.as_ref().map_or(0, Hub::pauses)
-    }
-
-    /// The place of the recorder that runs.
-    fn recorder(&self) -> Option<Arc<Seat>> {
-        self.recorder.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-
-    /// Waits until a node is on the bus; `process` is looked at meanwhile, if the sim started it.
-    ///
-    /// # Errors
-    /// Why it will not come, as a sentence.
-    pub fn wait_for(&self, seat: &Seat, process: Option<&mut Process>) -> Result<(), String> {
-        let name = process.as_ref().map(|process| process.name().to_owned());
-        let process = RefCell::new(process);
-        let gone = || process.borrow_mut().as_mut().and_then(|process| process.gone());
-        let cancelled = || self.stop.load(Ordering::Relaxed) || gone().is_some();
-        match self.hub()?.wait_for_nodes(&[seat], self.file.machine.start_timeout(), &cancelled) {
-            Ok(()) => Ok(()),
-            Err(error) => Err(match (gone(), name) {
-                (Some(how), Some(name)) => format!("{name} {how} before it was on the bus"),
-                _ if matches!(error, BarrierError::Missing { .. }) => {
-                    format!("{error}\nhint: give it more time with --start-timeout; what it says itself stands above")
-                }
-                _ => error.to_string(),
-            }),
-        }
-    }
 }
 
 /// Does what is ordered until nobody orders any more.

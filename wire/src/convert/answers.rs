@@ -12,7 +12,7 @@ use super::{Checked, Message, MessageError, bounded, each, finite, same_length, 
 use crate::proto;
 
 /// Futures, terms of an objective, weights.
-pub(super) const MAX_ENTRIES: usize = 1_000;
+const MAX_ENTRIES: usize = 1_000;
 /// Bytes of a name or a status.
 const MAX_TEXT: usize = 1_000;
 /// Of an error's text, as much is passed on.
@@ -129,17 +129,30 @@ impl TryFrom<proto::Prediction> for UncheckedPrediction {
 }
 
 fn prediction(message: proto::Prediction) -> Checked<UncheckedPrediction> {
-    bounded("cost_weights", MAX_ENTRIES, message.cost_weights.len())?;
+    let proto::Prediction { step, futures, initial_controls, cost_weights, error: _ } = message;
+    let futures = futures.into_iter().map(|future| (future.probability, future.trajectories)).collect();
+    assembled(step, futures, initial_controls, cost_weights, trajectory)
+}
+
+/// A prediction of these parts: each future has its probability, and trajectories as they travel.
+pub(super) fn assembled<T>(
+    step: u32,
+    futures: Vec<(f64, Vec<T>)>,
+    initial_controls: Vec<proto::Control>,
+    cost_weights: Vec<f64>,
+    trajectory: impl Fn(T) -> Checked<PredictedTrajectory>,
+) -> Checked<UncheckedPrediction> {
+    bounded("cost_weights", MAX_ENTRIES, cost_weights.len())?;
     Ok(UncheckedPrediction {
-        step: message.step,
-        futures: each("futures", MAX_ENTRIES, message.futures, |future| {
+        step,
+        futures: each("futures", MAX_ENTRIES, futures, |(probability, trajectories)| {
             Ok(Future {
-                probability: unsigned(future.probability),
-                trajectories: each("trajectories", MAX_AGENTS, future.trajectories, trajectory)?,
+                probability: unsigned(probability),
+                trajectories: each("trajectories", MAX_AGENTS, trajectories, &trajectory)?,
             })
         })?,
-        initial_controls: message.initial_controls.into_iter().map(Into::into).collect(),
-        cost_weights: message.cost_weights.into_iter().map(unsigned).collect(),
+        initial_controls: initial_controls.into_iter().map(Into::into).collect(),
+        cost_weights: cost_weights.into_iter().map(unsigned).collect(),
     })
 }
 

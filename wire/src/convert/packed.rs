@@ -4,12 +4,11 @@
 use prost::Message as _;
 use prost::bytes::Bytes;
 use world::geometry::Pose;
-use world::plan::{Future, PredictedTrajectory, UncheckedPrediction};
+use world::plan::{PredictedTrajectory, UncheckedPrediction};
 use world::scene::TrackId;
 
-use super::answers::{MAX_ENTRIES, refuse};
-use super::scene::MAX_AGENTS;
-use super::{Checked, Message, MessageError, bounded, decode, each, same_length, unsigned};
+use super::answers::{assembled, refuse};
+use super::{Checked, Message, MessageError, decode, same_length, unsigned};
 use crate::proto;
 
 /// Bytes of a number.
@@ -63,7 +62,10 @@ pub fn prediction(bytes: &[u8]) -> Result<UncheckedPrediction, MessageError> {
         // Only where every byte is what it would be written as. A column may lawfully come in pieces, or number by number.
         Ok(packed) if packed.encoded_len() == bytes.len() && packed.is_of_whole_numbers() => {
             refuse(&packed.error)?;
-            unpacked(packed).map_err(|e| e.of(proto::Prediction::NAME))
+            let Prediction { step, futures, initial_controls, cost_weights, error: _ } = packed;
+            let futures = futures.into_iter().map(|future| (future.probability, future.trajectories)).collect();
+            let prediction = assembled(step, futures, initial_controls, cost_weights, |t| trajectory(&t));
+            prediction.map_err(|e| e.of(proto::Prediction::NAME))
         }
         _ => usual(),
     }
@@ -74,21 +76,6 @@ impl Prediction {
         let trajectories = self.futures.iter().flat_map(|future| &future.trajectories);
         trajectories.flat_map(|t| [&t.x, &t.y, &t.heading]).all(|column| column.len() % NUMBER == 0)
     }
-}
-
-fn unpacked(message: Prediction) -> Checked<UncheckedPrediction> {
-    bounded("cost_weights", MAX_ENTRIES, message.cost_weights.len())?;
-    Ok(UncheckedPrediction {
-        step: message.step,
-        futures: each("futures", MAX_ENTRIES, message.futures, |future| {
-            Ok(Future {
-                probability: unsigned(future.probability),
-                trajectories: each("trajectories", MAX_AGENTS, future.trajectories, |t| trajectory(&t))?,
-            })
-        })?,
-        initial_controls: message.initial_controls.into_iter().map(Into::into).collect(),
-        cost_weights: message.cost_weights.into_iter().map(unsigned).collect(),
-    })
 }
 
 fn trajectory(message: &Trajectory) -> Checked<PredictedTrajectory> {
