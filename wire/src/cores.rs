@@ -1,8 +1,7 @@
 //! Which cores a thread may run on.
 //!
-//! Simulator and nodes wait for each other in turn, through six threads a step. To wake a thread on another core costs 30 to 60
-//! microseconds on a virtual machine, on the same core one or two: half of a step's time on the bus. Where nothing else
-//! wants the cores, it pays to keep those who talk to each other on one.
+//! Simulator and nodes wait for each other in turn. To wake a thread on another core costs more than on the same one, on a virtual machine
+//! up to 60 microseconds. Where nothing else wants the cores, it pays to keep those who talk to each other on one.
 
 use std::io;
 
