@@ -114,7 +114,7 @@ impl Run {
     }
 
     /// The finished run in `folder`, held to its digest. Its scenes are looked for where they were, or in `scenarios` if that says
-    /// something, and must be those that were driven.
+    /// something; each is held to the one that was driven when its turn comes.
     ///
     /// # Errors
     /// [`DrivesError`].
@@ -127,9 +127,6 @@ impl Run {
         for line in &run.file.scenes {
             let (run, scene) = (folder.to_owned(), line.id.clone());
             let Some(&place) = by_id.get(line.id.as_str()) else { return Err(DrivesError::NoScene { run, scene }) };
-            if set.entries()[place].sha256 != line.sha256 {
-                return Err(DrivesError::OtherScene { run, scene });
-            }
             places.push(place);
         }
         run.scenes = Some(Scenes { set, places });
@@ -203,9 +200,13 @@ impl Run {
     }
 
     fn drive(&self, scenes: &Scenes, index: usize, start: u32, steps: Option<Table>) -> Result<Driven, DrivesError> {
-        let (scene, _) = scenes.set.load(scenes.places[index])?;
+        let (place, line) = (scenes.places[index], &self.file.scenes[index]);
+        let (scene, _) = scenes.set.load_hashed(place)?;
+        if scenes.set.known_sha256(place).as_deref() != Some(&*line.sha256) {
+            return Err(DrivesError::OtherScene { run: self.folder.clone(), scene: line.id.clone() });
+        }
         let (states, controls) = match &steps {
-            Some(table) => self.states(&self.file.scenes[index].id, table)?,
+            Some(table) => self.states(&line.id, table)?,
             None => Default::default(),
         };
         Ok(Driven { index, scene, start, states, controls, table: steps })

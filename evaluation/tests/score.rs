@@ -39,7 +39,11 @@ fn drive(scene: &Scene, steps: u32) -> Part {
 fn run_over(inputs: &[String], root: &Path, protocol: &str, finish: bool) -> PathBuf {
     let scenes = SceneSet::open(inputs).unwrap();
     let entries = scenes.entries();
-    let line = |entry: &scenarios::SceneEntry| SceneLine { id: entry.id.to_string(), sha256: entry.sha256.clone() };
+    let line = |(at, entry): (usize, &scenarios::SceneEntry)| SceneLine {
+        id: entry.id.to_string(),
+        sha256: scenes.sha256(at).unwrap(),
+        fingerprint: None,
+    };
     let file = RunFile {
         settings: Settings {
             driver: "replayed".to_owned(),
@@ -60,7 +64,7 @@ fn run_over(inputs: &[String], root: &Path, protocol: &str, finish: bool) -> Pat
             weights: None,
             scenarios: inputs.to_vec(),
         },
-        scenes: entries.iter().map(line).collect(),
+        scenes: entries.iter().enumerate().map(line).collect(),
     };
     let path = root.join(protocol);
     let Ok(Opened::New(folder)) = Folder::open(&path, &file) else { panic!("it is new") };

@@ -263,7 +263,7 @@ mod tests {
     #[test]
     fn what_is_not_a_number_is_null_in_every_column_of_every_file() {
         let part = part();
-        let scene = SceneLine { id: "s".to_owned(), sha256: String::new() };
+        let scene = SceneLine { id: "s".to_owned(), ..SceneLine::default() };
         let common = Common { driver: "d", protocol: "strict", motion: "m" };
         let files = [results(common, &scene, &part), steps(common, &part), timing(&scene, &part)];
         let mut columns = 0;

@@ -51,6 +51,9 @@ pub struct Folder {
     _lock: File,
 }
 
+/// The SHA-256 of a run's scenes in their order, empty where there is none. They are read for that.
+pub type Hashes<'a> = &'a dyn Fn() -> Vec<String>;
+
 /// A folder, and how far the run in it is.
 #[derive(Debug)]
 pub enum Opened {
@@ -63,11 +66,19 @@ pub enum Opened {
 }
 
 impl Folder {
-    /// The folder `path` for the run `file`.
+    /// The folder `path` for the run `file`, whose scenes have the hashes that it says.
     ///
     /// # Errors
     /// [`FolderError`] where it holds something else.
     pub fn open(path: &Path, file: &RunFile) -> Result<Opened, FolderError> {
+        Self::open_with(path, file, &|| file.scenes.iter().map(|line| line.sha256.clone()).collect())
+    }
+
+    /// The folder `path` for the run `file`. If its scenes were not read yet, but those of the run that is there were, `hashes` is asked.
+    ///
+    /// # Errors
+    /// [`FolderError`] where it holds something else.
+    pub fn open_with(path: &Path, file: &RunFile, hashes: Hashes<'_>) -> Result<Opened, FolderError> {
         // Also a device: whoever says /dev/null wants no folder at all, and cannot have that.
         if path.exists() && !path.is_dir() {
             return Err(FolderError::NotAFolder(path.to_owned()));
@@ -76,12 +87,11 @@ impl Folder {
         refuse_other_things(path)?;
         let folder = Self::lock(path)?;
         let Some(there) = read_run_file(path)? else {
-            let text = file.to_toml();
-            files::write_whole(&folder.file("run.toml"), |out| out.write_all(text.as_bytes()))?;
+            folder.write_settings(file)?;
             folder.create_subfolders()?;
             return Ok(Opened::New(folder));
         };
-        let differences = there.differences(file);
+        let differences = differences(&there, file, hashes);
         if !differences.is_empty() {
             return Err(FolderError::OtherRun { path: path.to_owned(), differences });
         }
@@ -98,16 +108,15 @@ impl Folder {
     ///
     /// # Errors
     /// [`FolderError`].
-    pub fn choose(runs: &Path, file: &RunFile, finished: bool) -> Result<Opened, FolderError> {
+    pub fn choose(runs: &Path, file: &RunFile, hashes: Hashes<'_>, finished: bool) -> Result<Opened, FolderError> {
         let stem = format!("{}-{}", file.settings.driver, file.settings.protocol.name());
         let mut number = last_number(runs, &stem)?;
-        if number > 0 {
-            let path = runs.join(format!("{stem}-{number}"));
-            match Self::open(&path, file) {
-                Ok(opened @ (Opened::Unfinished(_) | Opened::New(_))) => return Ok(opened),
-                Ok(opened @ Opened::Finished(_)) if finished => return Ok(opened),
-                Ok(Opened::Finished(_)) | Err(_) => {}
-            }
+        let last = runs.join(format!("{stem}-{number}"));
+        if number > 0
+            && (finished || !last.join(DIGEST).exists())
+            && let Ok(opened) = Self::open_with(&last, file, hashes)
+        {
+            return Ok(opened);
         }
         loop {
             number += 1;
@@ -137,6 +146,15 @@ impl Folder {
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Writes `run.toml`: when the run is begun, and again when its scenes have all been read.
+    ///
+    /// # Errors
+    /// [`FileError`] where the disk fails.
+    pub fn write_settings(&self, file: &RunFile) -> Result<(), FileError> {
+        let text = file.to_toml();
+        files::write_whole(&self.file("run.toml"), |out| out.write_all(text.as_bytes()))
     }
 
     /// A file in it.
@@ -217,6 +235,21 @@ impl Folder {
     }
 }
 
+/// What differs between the run that is there and `file`. Scenes that were not read yet are, if nothing else does; one that could not be
+/// read there may be whole by now.
+fn differences(there: &RunFile, file: &RunFile, hashes: Hashes<'_>) -> Vec<String> {
+    if !there.has_hashes() || file.has_hashes() || there.scenes.len() != file.scenes.len() {
+        return there.differences(file);
+    }
+    let read = || there.scenes.iter().map(|line| line.sha256.clone());
+    let beside = there.differences(&file.with_hashes(read()));
+    if !beside.is_empty() {
+        return beside;
+    }
+    let now = hashes().into_iter().zip(read()).map(|(now, then)| if then.is_empty() { then } else { now });
+    there.differences(&file.with_hashes(now))
+}
+
 /// Removes what a run left in `folder` that ended before its first episode did. Whatever else is there stays, and so does the
 /// folder then.
 pub fn remove_if_nothing_is_done(folder: &Path) {
@@ -278,6 +311,7 @@ fn last_number(runs: &Path, stem: &str) -> Result<u32, FileError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::SceneLine;
     use crate::settings::tests::run_file;
     use wire::proto::EpisodeEnd;
 
@@ -312,6 +346,42 @@ mod tests {
         drop(folder);
         let Opened::Finished(folder) = Folder::open(&path, &file).unwrap() else { panic!("it is finished") };
         assert!(!folder.file("parts").exists());
+    }
+
+    #[test]
+    fn a_run_is_held_to_fingerprints_until_its_scenes_were_read_and_then_to_their_hashes() {
+        let root = tempfile::tempdir().unwrap();
+        let path = root.path().join("run");
+        let begun = |fingerprint: &str| {
+            let mut file = run_file();
+            file.scenes[0] =
+                SceneLine { id: "a".to_owned(), fingerprint: Some(fingerprint.to_owned()), ..SceneLine::default() };
+            file
+        };
+        let not_asked = || -> Vec<String> { panic!("nothing need be read for that") };
+        let open = |file: &RunFile, hashes: Hashes<'_>| Folder::open_with(&path, file, hashes);
+        let other_content = |opened: Result<Opened, FolderError>| {
+            let Err(FolderError::OtherRun { differences, .. }) = opened else { panic!("{opened:?}") };
+            assert_eq!(differences, ["scenes: a has other content"]);
+        };
+        assert!(matches!(open(&begun("1 byte"), &not_asked), Ok(Opened::New(_))));
+        other_content(open(&begun("2 bytes"), &not_asked));
+        let Ok(Opened::Unfinished(folder)) = open(&begun("1 byte"), &not_asked) else { panic!("unfinished") };
+        let read = begun("1 byte").with_hashes(["00".to_owned()]);
+        folder.write_settings(&read).unwrap();
+        assert!(!fs::read_to_string(folder.file("run.toml")).unwrap().contains("fingerprint"));
+        drop(folder);
+        // All were read, and it was killed before it was finished.
+        let hashes = |hash: &'static str| move || vec![hash.to_owned()];
+        let Ok(Opened::Unfinished(folder)) = open(&begun("1 byte"), &hashes("00")) else { panic!("unfinished") };
+        finish(&folder);
+        drop(folder);
+        assert!(matches!(open(&begun("2 bytes"), &hashes("00")), Ok(Opened::Finished(_))));
+        other_content(open(&begun("1 byte"), &hashes("11")));
+        // Where anything else differs, nothing is read.
+        let mut patient = begun("1 byte");
+        patient.settings.deadline_s = 9.0;
+        assert!(matches!(open(&patient, &not_asked), Err(FolderError::OtherRun { .. })));
     }
 
     #[test]
@@ -388,7 +458,7 @@ mod tests {
     #[test]
     fn a_run_without_a_folder_continues_its_last_one_or_takes_the_next_number() {
         let root = tempfile::tempdir().unwrap();
-        let choose = |file: &RunFile| match Folder::choose(root.path(), file, false).unwrap() {
+        let choose = |file: &RunFile| match Folder::choose(root.path(), file, &Vec::new, false).unwrap() {
             Opened::New(folder) => (folder, "new"),
             Opened::Unfinished(folder) => (folder, "unfinished"),
             Opened::Finished(folder) => (folder, "finished"),
@@ -409,7 +479,9 @@ mod tests {
         assert_eq!(name(&choose(&patient(1.0)).0), "idm-strict-4", "the third is another run");
         assert_eq!(name(&choose(&human).0), "human-strict-1");
         finish(&choose(&human).0);
-        let Opened::Finished(folder) = Folder::choose(root.path(), &human, true).unwrap() else { panic!("finished") };
+        let Opened::Finished(folder) = Folder::choose(root.path(), &human, &Vec::new, true).unwrap() else {
+            panic!("finished")
+        };
         assert_eq!(name(&folder), "human-strict-1");
     }
 }

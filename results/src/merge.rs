@@ -29,7 +29,7 @@ pub fn merge(
         motion: file.settings.protocol.motion_name(),
     };
     let mut merged = Vec::new();
-    let nothing = SceneLine { id: String::new(), sha256: String::new() };
+    let nothing = SceneLine::default();
     for (name, rows) in FILES.into_iter().zip(rows(common, &nothing, &Part::default())?) {
         let writer = Writer::create(&folder.file(name), rows.schema())?;
         merged.push((writer, earlier.map(|_| EarlierRows::open(folder, name)).transpose()?));
@@ -87,7 +87,7 @@ mod tests {
     }
 
     fn file() -> RunFile {
-        let scene = |id: &str| SceneLine { id: id.to_owned(), sha256: format!("hash of {id}") };
+        let scene = |id: &str| SceneLine { id: id.to_owned(), sha256: format!("hash of {id}"), fingerprint: None };
         RunFile { scenes: vec![scene("b"), scene("a")], ..run_file() }
     }
 
@@ -159,7 +159,7 @@ mod tests {
     #[test]
     fn a_missing_part_is_named_and_leaves_no_results() {
         let root = tempfile::tempdir().unwrap();
-        let scenes = vec![SceneLine { id: "a".to_owned(), sha256: String::new() }];
+        let scenes = vec![SceneLine { id: "a".to_owned(), ..SceneLine::default() }];
         let file = RunFile { scenes, ..run_file() };
         let Ok(Opened::New(folder)) = Folder::open(root.path(), &file) else { panic!("it is new") };
         assert_eq!(merge(&folder, &file, None, |_, _| {}).unwrap_err().to_string(), "the part of a is missing");

@@ -45,6 +45,9 @@ pub struct Part {
     /// What cannot be judged in the scene.
     #[prost(string, repeated, tag = "11")]
     pub unjudged: Vec<String>,
+    /// SHA-256 of the scene's record as it was driven, in hexadecimal digits; empty where it could not be read.
+    #[prost(string, tag = "12")]
+    pub scene_sha256: String,
 }
 
 /// How an episode came out, as far as it matters for driving it again.

@@ -140,13 +140,17 @@ pub struct Build {
 }
 
 /// A scene of the run.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct SceneLine {
     /// Its name.
     pub id: String,
-    /// SHA-256 of its record, in hexadecimal digits.
+    /// SHA-256 of its record, in hexadecimal digits; empty before it was driven, and where its record is damaged.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub sha256: String,
+    /// What tells it from others of its name until all are driven.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fingerprint: Option<String>,
 }
 
 /// Where and how a run was run: nothing in its results depends on it.
@@ -227,6 +231,19 @@ impl RunFile {
         toml::to_string(&Recorded { settings: &self.settings, build: &self.build }).unwrap_or_default()
     }
 
+    /// The same once its scenes were read: with their SHA-256, in their order.
+    #[must_use]
+    pub fn with_hashes(&self, hashes: impl IntoIterator<Item = String>) -> Self {
+        let line = |(line, sha256): (&SceneLine, String)| SceneLine { id: line.id.clone(), sha256, fingerprint: None };
+        Self { scenes: self.scenes.iter().zip(hashes).map(line).collect(), ..self.clone() }
+    }
+
+    /// Whether its scenes have been read: all had been when it was finished.
+    #[must_use]
+    pub fn has_hashes(&self) -> bool {
+        self.scenes.iter().all(|line| line.fingerprint.is_none())
+    }
+
     /// What differs between two runs that must be one: a line each, `field: there, here`. Empty where nothing does.
     #[must_use]
     pub fn differences(&self, here: &Self) -> Vec<String> {
@@ -300,7 +317,7 @@ pub(crate) mod tests {
                 weights: None,
                 scenarios: Vec::new(),
             },
-            scenes: vec![SceneLine { id: "a".to_owned(), sha256: "00".to_owned() }],
+            scenes: vec![SceneLine { id: "a".to_owned(), sha256: "00".to_owned(), fingerprint: None }],
         }
     }
 

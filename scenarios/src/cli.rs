@@ -25,6 +25,8 @@ pub enum Command {
     Lint(LintArguments),
     /// Write scenes as TFRecord files, one each, for any tool that reads WOMD
     Export(ExportArguments),
+    /// Write an index of a set: a file that is given in its stead and opened at once, for large sets and packed files
+    Index(IndexArguments),
     /// The families that scenes can be generated of; with a name, what can be said about its scenes beforehand
     Families(FamiliesArguments),
     /// Make scenes of families and write them as shards of TFRecords, any number, the same bytes for the same seed
@@ -38,7 +40,8 @@ pub enum Command {
 /// Where scenes are taken from.
 #[derive(Debug, Args)]
 pub struct Inputs {
-    /// WOMD TFRecord files (packed with gzip or zlib or not), folders or globs of them, scene-set TOML files, or the word demo
+    /// WOMD TFRecord files (packed with gzip or zlib or not), folders or globs of them, scene-set TOML files, indices, or the word
+    /// demo
     #[arg(value_name = "PATH", default_value = "demo")]
     pub paths: Vec<String>,
 
@@ -94,6 +97,18 @@ pub struct ExportArguments {
     /// Replace files that are there
     #[arg(long)]
     pub force: bool,
+}
+
+/// Arguments of `index`.
+#[derive(Debug, Args)]
+pub struct IndexArguments {
+    /// What is to be indexed: files, folders, globs, scene-set TOML files, the word demo
+    #[arg(value_name = "PATH", required = true)]
+    pub paths: Vec<String>,
+
+    /// The index, replaced if it is there. Scene files within its folder may be moved together with it
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
 }
 
 /// Arguments of `families`.

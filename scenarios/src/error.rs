@@ -9,6 +9,7 @@ use world::scene::SceneId;
 
 use crate::content::Content;
 use crate::generated::GeneratedError;
+use crate::set::IndexError;
 use crate::source::{Place, Source};
 use crate::tfrecord::{FrameError, FrameProblem, PackedError, Packing, StreamError};
 use crate::womd::WomdError;
@@ -73,8 +74,8 @@ impl RecordProblem {
 
 impl RecordError {
     pub(crate) fn at(place: &Place, problem: RecordProblem) -> Self {
-        let packing = place.packed.as_ref().map(|restart| restart.packing());
-        Self { path: place.path.to_path_buf(), record: place.record, offset: place.offset, packing, problem }
+        let (path, packing) = (place.file.path.clone(), place.file.packing());
+        Self { path, record: place.record, offset: place.offset, packing, problem }
     }
 
     pub(crate) fn stream(path: &Path, packing: Option<Packing>, error: StreamError) -> Self {
@@ -148,7 +149,9 @@ pub enum SetError {
     #[error("there is no scene in {}", inputs.join(", "))]
     NoScenes { inputs: Vec<String> },
     #[error("there is no scene {index}: the set has {scenes}")]
-    Index { index: usize, scenes: usize },
+    Number { index: usize, scenes: usize },
+    #[error("{}: {problem}", path.display())]
+    Index { path: PathBuf, problem: IndexError },
     #[error("the generated scene {id} cannot be used: {problem}")]
     Generated { id: String, problem: GeneratedError },
 }
@@ -208,7 +211,8 @@ impl SetError {
             Self::Toml { .. } => "docs/scenes.md shows what a scene-set TOML may hold",
             Self::UnknownScenes { .. } => "`scenarios list` shows the ids that are there",
             Self::NoScenes { .. } => "the files are empty: `scenarios list` shows what is in others",
-            Self::Index { .. } => "count from 0",
+            Self::Number { .. } => "count from 0",
+            Self::Index { .. } => "make it again: scenarios index PATH ... --out FILE",
             Self::Generated { .. } => "take another seed, or parameters that are less extreme",
         }
     }

@@ -1,8 +1,11 @@
 //! What every input must keep, in functions that a fuzzer calls; `fuzz/` does so by the million, a test here by the thousand.
 
-use std::io::Read;
+use std::io::{Cursor, Read};
+use std::path::Path;
 
-use crate::tfrecord::{Decoder, Packing, Records, Restart, Unpack};
+use crate::set::index;
+use crate::tfrecord::{Decoder, Frames, Packing, Records, Restart, Unpack};
+use crate::womd::{Skim, Skimmed, WomdError};
 use crate::{SetFile, lint, womd};
 
 /// Any bytes as a TFRecord file: no panic, and the same records however the bytes arrive.
@@ -28,6 +31,65 @@ pub fn tfrecord(bytes: &[u8]) {
     let _ = decoder.space();
     let _ = decoder.advance(usize::MAX / 2);
     let _ = (decoder.record(), decoder.end());
+}
+
+/// Any bytes as a TFRecord file that is skimmed: no panic; the frames that reading finds, up to where a payload is damaged, and of each
+/// record the id that reading finds, or none.
+///
+/// # Panics
+/// If that does not hold.
+pub fn skim(bytes: &[u8]) {
+    let mut records = Records::new(bytes);
+    let mut frames = Frames::new(Cursor::new(bytes), bytes.len() as u64);
+    loop {
+        let (read, skimmed) = (records.next_record(), frames.next_frame());
+        let record = match (read, &skimmed) {
+            (Ok(Some(record)), Ok(Some(_))) => record,
+            (Ok(None), Ok(None)) => return,
+            (Err(read), Err(skimmed)) => return assert_eq!(read.to_string(), skimmed.to_string()),
+            // Skimming goes on past it: its length is sound.
+            (Err(read), Ok(Some(_))) if read.to_string().contains("the checksum of the payload") => {
+                while let Ok(Some(_)) = frames.next_frame() {}
+                return;
+            }
+            (read, skimmed) => panic!("reading finds {read:?}, skimming {skimmed:?}"),
+        };
+        let Ok(Some(frame)) = skimmed else { return };
+        let length = record.payload.len() as u64;
+        assert_eq!(
+            (frame.index, frame.offset, frame.bytes, frame.checksum),
+            (record.index, record.offset, length, record.checksum)
+        );
+        let mut skim = Skim::new(frame.bytes);
+        let found = loop {
+            // A file in memory can be read.
+            let Ok(stretch) = frames.at(frame.payload() + skim.offset()) else { return };
+            match skim.take(stretch) {
+                Skimmed::More => {}
+                Skimmed::Id(id) => break Some(id),
+                Skimmed::Untold => break None,
+            }
+        };
+        match (found, womd::scene_id(record.payload)) {
+            (Some(found), Ok(id)) => assert_eq!(found, id, "skimming finds another id than reading"),
+            (Some(found), Err(WomdError::TwoIds { first, .. })) => assert_eq!(found.as_str(), first),
+            // What is wrong behind the id is found when the scene is loaded.
+            (Some(_), Err(_)) | (None, _) => {}
+        }
+    }
+}
+
+/// Any bytes as an index, and as the message in a sound one: no panic; what is read is written and read again the same.
+///
+/// # Panics
+/// If that does not hold.
+pub fn scene_index(bytes: &[u8]) {
+    let folder = Path::new("/data");
+    for bytes in [bytes.to_vec(), index::sealed(bytes)] {
+        let Ok((_, entries)) = index::read(&bytes, folder) else { continue };
+        let again = index::read(&index::write(&entries, folder), folder);
+        assert_eq!(again.map(|(_, again)| again).ok(), Some(entries), "writing and reading changes the index");
+    }
 }
 
 /// Any bytes as a packed TFRecord file, with gzip and with zlib: no panic, the same records however the bytes arrive (up to where
@@ -207,6 +269,57 @@ mod tests {
             crate::tfrecord::append_record(&mut file, payload);
         }
         mutated(&[file], 20_000, tfrecord);
+    }
+
+    #[test]
+    fn mutated_files_are_skimmed_as_they_are_read() {
+        let mut file = Vec::new();
+        let scenes = womd_seeds();
+        let long = [&b"\x12\x84\x07"[..], &[0; 900], b"\x2a\x04long"].concat();
+        let others: [&[u8]; 5] =
+            [b"\x2a\x05first\x12\x00\x2a\x04last", b"\x2a\x05laser\x62\x01\x00", b"", b"\xff", &long];
+        scenes
+            .iter()
+            .map(Vec::as_slice)
+            .chain(others)
+            .for_each(|payload| crate::tfrecord::append_record(&mut file, payload));
+        mutated(&[file], 5_000, skim);
+        // Payloads that were changed before their checksum was taken.
+        mutated(&scenes, 10_000, |payload| {
+            let mut file = Vec::new();
+            crate::tfrecord::append_record(&mut file, payload);
+            skim(&file);
+        });
+    }
+
+    #[test]
+    fn mutated_indices_do_no_harm() {
+        let set = crate::SceneSet::open(&["demo".to_owned()]).unwrap();
+        let file = std::sync::Arc::new(crate::SceneFile {
+            path: "/data/a.tfrecord".into(),
+            bytes: 5000,
+            modified: None,
+            packed: Some(crate::tfrecord::Entrances::of(Packing::Gzip)),
+        });
+        let place = |record: u64| {
+            crate::Source::File(crate::Place {
+                file: file.clone(),
+                record,
+                offset: 90 * record,
+                bytes: 74,
+                checksum: 7,
+            })
+        };
+        let filed = (0..3).map(|record| crate::SceneEntry {
+            id: world::scene::SceneId::new(format!("s{record}")).unwrap(),
+            source: place(record),
+        });
+        let entries: Vec<_> = filed.chain(set.entries().iter().cloned()).collect();
+        let whole = index::write(&entries, Path::new("/data"));
+        assert_eq!(index::read(&whole, Path::new("/data")).unwrap().1, entries);
+        let message = whole[21..whole.len() - 4].to_vec();
+        mutated(&[message], 10_000, scene_index);
+        mutated(&[whole], 2_000, scene_index);
     }
 
     #[test]

@@ -22,5 +22,5 @@ pub mod womd;
 
 pub use content::Content;
 pub use error::{RecordError, RecordProblem, SetError};
-pub use set::{GENERATED_TOML, Logs, Note, SceneEntry, SceneSet, SetFile, TomlProblem};
-pub use source::{Place, Source};
+pub use set::{GENERATED_TOML, IndexError, Logs, Note, SceneEntry, SceneSet, SetFile, TomlProblem};
+pub use source::{Place, SceneFile, Source};

@@ -7,7 +7,7 @@ use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 
 use cli::{Cli, Command};
-use commands::{Failure, INTERRUPTED, export, families, generate, inspect, lint, list, render, stats};
+use commands::{Failure, INTERRUPTED, export, families, generate, index, inspect, lint, list, render, stats};
 
 /// Exit codes: 0 done; 1 done, and something is gravely wrong with a scene; 2 wrong usage or unusable input; 130 interrupted.
 fn main() -> ExitCode {
@@ -19,6 +19,7 @@ fn main() -> ExitCode {
         Command::Inspect(arguments) => inspect::run(arguments, &mut out),
         Command::Lint(arguments) => lint::run(arguments, &mut out),
         Command::Export(arguments) => export::run(arguments, &mut out),
+        Command::Index(arguments) => index::run(arguments, &mut out),
         Command::Families(arguments) => families::run(arguments, &mut out),
         Command::Generate(arguments) => generate::run(arguments, &mut out),
         Command::Render(arguments) => render::run(arguments, &mut out),

@@ -1,27 +1,55 @@
 //! Where a scene lies: in a file, or nowhere until it is made.
 
 use std::fmt;
-use std::path::Path;
+use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::SystemTime;
 
 use crate::generated::{Family, Parameters};
-use crate::tfrecord::Restart;
+use crate::tfrecord::{Entrances, Packing};
+
+/// A TFRecord file, as it was when it was opened.
+#[derive(Debug)]
+pub struct SceneFile {
+    /// Its path.
+    pub path: PathBuf,
+    /// Its length (bytes).
+    pub bytes: u64,
+    /// When it was changed last, where the file system tells.
+    pub modified: Option<SystemTime>,
+    /// Of a packed file, where it can be entered.
+    pub packed: Option<Entrances>,
+}
+
+impl SceneFile {
+    /// How it is packed, if it is.
+    #[must_use]
+    pub fn packing(&self) -> Option<Packing> {
+        self.packed.as_ref().map(Entrances::packing)
+    }
+}
+
+impl PartialEq for SceneFile {
+    fn eq(&self, other: &Self) -> bool {
+        (&self.path, self.bytes, self.modified) == (&other.path, other.bytes, other.modified)
+    }
+}
+
+impl Eq for SceneFile {}
 
 /// A record's place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
     /// The file.
-    pub path: Arc<Path>,
+    pub file: Arc<SceneFile>,
     /// The record's number in it, from 0.
     pub record: u64,
     /// Where the record begins in it, or in what it unpacks to.
     pub offset: u64,
     /// Length of the payload (bytes).
     pub bytes: u64,
-    /// The masked CRC32C of the payload.
+    /// The masked CRC32C that is stored for the payload.
     pub checksum: u32,
-    /// For a packed file, a place before the record from which it can be unpacked.
-    pub packed: Option<Arc<Restart>>,
 }
 
 /// Where a scene lies.
@@ -45,7 +73,7 @@ pub enum Source {
 impl fmt::Display for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::File(Place { path, record, .. }) => write!(f, "{} (record {record})", path.display()),
+            Self::File(Place { file, record, .. }) => write!(f, "{} (record {record})", file.path.display()),
             Self::Generated { family, seed, index, parameters } => {
                 write!(f, "generated {}, seed {seed}, scene {index}", family.name)?;
                 if parameters.is_empty() { Ok(()) } else { write!(f, ", {parameters}") }

@@ -175,6 +175,10 @@ pub struct RunArgs {
     #[arg(long, value_enum, value_name = "WHICH", value_delimiter = ',', help_heading = "How to run")]
     pub retry: Vec<Retry>,
 
+    /// Read every scene before the first is driven, so that damaged ones are found then, and not when their turn comes
+    #[arg(long, help_heading = "How to run")]
+    pub verify: bool,
+
     /// Which episodes to keep a recording of
     #[arg(long, value_enum, default_value_t = Record::All, help_heading = "How to run")]
     pub record: Record,
@@ -229,6 +233,7 @@ impl RunArgs {
             motion: None,
             out: None,
             retry: Vec::new(),
+            verify: false,
             parallel: None,
             in_process: false,
             pin: false,

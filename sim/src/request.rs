@@ -33,6 +33,8 @@ pub struct Request {
     pub out: Option<PathBuf>,
     /// Which of its episodes are to be driven again, if they were driven.
     pub retry: Vec<Retry>,
+    /// Whether every scene is read before the first is driven.
+    pub verify: bool,
     /// Whether to say where the time went.
     pub timing: bool,
 }
@@ -155,7 +157,8 @@ impl Request {
             weights: arguments.weights.map(|path| path.display().to_string()),
             scenarios: if arguments.paths.is_empty() { arguments.scenarios } else { arguments.paths },
         };
-        Ok(Self { settings, machine, out: arguments.out, retry: arguments.retry, timing: arguments.timing })
+        let RunArgs { out, retry, verify, timing, .. } = arguments;
+        Ok(Self { settings, machine, out, retry, verify, timing })
     }
 }
 
@@ -211,7 +214,7 @@ mod tests {
 
     fn run_file(arguments: &[&str]) -> RunFile {
         let Request { settings, machine, .. } = resolve(arguments);
-        let scenes = vec![SceneLine { id: "a".to_owned(), sha256: "00".to_owned() }];
+        let scenes = vec![SceneLine { id: "a".to_owned(), sha256: "00".to_owned(), fingerprint: None }];
         RunFile { settings, build: Build::this(), machine, scenes }
     }
 

@@ -29,7 +29,7 @@ pub fn run_file(scenes: usize) -> RunFile {
         weights: None,
         scenarios: Vec::new(),
     };
-    let line = |place| SceneLine { id: scene(place), sha256: format!("{place:064x}") };
+    let line = |place| SceneLine { id: scene(place), sha256: format!("{place:064x}"), fingerprint: None };
     RunFile { settings, build: Build::this(), machine, scenes: (0..scenes).map(line).collect() }
 }
 

@@ -22,22 +22,28 @@ pub fn run(arguments: &InspectArguments, out: &mut impl Write) -> Result<bool, F
     let scenes = Scenes::open(&arguments.inputs)?;
     let mut grave = false;
     for (nth, (index, entry)) in scenes.iter().enumerate() {
-        let (scene, findings) = scenes.set.load(index)?;
+        let (scene, findings) = scenes.set.load_hashed(index)?;
         let lints = lint::lint(&scene, &findings);
         grave |= lints.iter().any(|lint| lint.severity() == lint::Severity::Error);
         if nth > 0 {
             writeln!(out).map_err(Failure::Output)?;
         }
-        show(entry, &scene, &lints, out).map_err(Failure::Output)?;
+        show(entry, scenes.set.sha256(index)?, &scene, &lints, out).map_err(Failure::Output)?;
     }
     Ok(grave)
 }
 
-fn show(entry: &SceneEntry, scene: &Arc<Scene>, lints: &[Lint], out: &mut impl Write) -> io::Result<()> {
+fn show(
+    entry: &SceneEntry,
+    sha256: String,
+    scene: &Arc<Scene>,
+    lints: &[Lint],
+    out: &mut impl Write,
+) -> io::Result<()> {
     writeln!(out, "{}", entry.id)?;
     let mut line = |name: &str, text: String| writeln!(out, "  {name:<9} {text}");
     line("from", entry.source.to_string())?;
-    line("sha256", entry.sha256.clone())?;
+    line("sha256", sha256)?;
     line("time", time(scene))?;
     line("AV", av(scene))?;
     line("agents", agents(scene))?;

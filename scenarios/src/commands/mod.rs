@@ -3,6 +3,7 @@
 pub mod export;
 pub mod families;
 pub mod generate;
+pub mod index;
 pub mod inspect;
 pub mod lint;
 pub mod list;

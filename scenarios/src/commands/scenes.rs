@@ -78,7 +78,7 @@ impl Scenes {
 
 fn origin(source: &Source) -> String {
     match source {
-        Source::File(place) => in_file(&place.path, place.record),
+        Source::File(place) => in_file(&place.file.path, place.record),
         Source::Generated { .. } => source.to_string(),
     }
 }

@@ -131,6 +131,11 @@ impl Parameters {
         self.0.get(name).map(|Range(range)| *range)
     }
 
+    /// As [`Parameters::read`] takes them, in order of names.
+    pub fn texts(&self) -> impl Iterator<Item = String> {
+        self.0.iter().map(|(name, range)| format!("{name}={range}"))
+    }
+
     /// Whether nothing is given.
     #[must_use]
     pub fn is_empty(&self) -> bool {

@@ -1,27 +1,68 @@
-//! A scene of a set: its name, what it was, and where it lies.
+//! A scene of a set: its name, and where it lies.
 
+use std::fmt;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 
+use sha2::{Digest, Sha256};
 use world::scene::SceneId;
 
 use crate::error::{RecordError, RecordProblem, SetError};
 use crate::source::{Place, Source};
-use crate::tfrecord::{Records, StreamError, Unpack};
+use crate::tfrecord::{Records, StreamError};
 use crate::womd::WomdError;
+
+/// SHA-256 of a record's payload: which scene it is, whatever its file is called.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Hash([u8; 32]);
+
+impl Hash {
+    pub(super) fn of(payload: &[u8]) -> Self {
+        Self(Sha256::digest(payload).into())
+    }
+}
+
+impl fmt::Display for Hash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
 
 /// A scene of a set, not yet loaded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SceneEntry {
     /// Its name, unique in the set.
     pub id: SceneId,
-    /// SHA-256 of the record's payload, in hex: which scene it was, whatever its file is called.
-    pub sha256: String,
     /// Where it lies.
     pub source: Source,
 }
 
 impl SceneEntry {
+    /// What tells this scene from others of its name without reading it: of a record its length and the checksum that is stored with it,
+    /// of a generated scene what it is made of.
+    #[must_use]
+    pub fn fingerprint(&self) -> String {
+        match &self.source {
+            Source::File(place) => format!("{} bytes, CRC32C {:08x}", place.bytes, place.checksum),
+            made @ Source::Generated { .. } => made.to_string(),
+        }
+    }
+
+    pub(super) fn hash(&self) -> Result<Hash, SetError> {
+        self.read(|payload| Ok(Hash::of(payload)))
+    }
+
+    /// Whether it is the same scene as another of its name.
+    pub(super) fn is_same(&self, other: &Self) -> Result<bool, SetError> {
+        match (&self.source, &other.source) {
+            (one, other) if one == other => Ok(true),
+            (Source::File(one), Source::File(other)) if (one.bytes, one.checksum) != (other.bytes, other.checksum) => {
+                Ok(false)
+            }
+            _ => Ok(self.hash()? == other.hash()?),
+        }
+    }
+
     pub(super) fn read<T>(&self, take: impl FnOnce(&[u8]) -> Result<T, WomdError>) -> Result<T, SetError> {
         match &self.source {
             Source::File(place) => Ok(read_at(place, take)?),
@@ -34,29 +75,33 @@ impl SceneEntry {
 }
 
 /// Gives `take` the payload at `place`, and answers what it makes of it.
-fn read_at<T>(place: &Place, take: impl FnOnce(&[u8]) -> Result<T, WomdError>) -> Result<T, RecordError> {
+pub(super) fn read_at<T>(place: &Place, take: impl FnOnce(&[u8]) -> Result<T, WomdError>) -> Result<T, RecordError> {
     let read = |source: &mut dyn Read| {
         let mut records = Records::starting_at(source, place.record, place.offset);
         match records.next_record() {
-            Ok(Some(found)) if found.checksum == place.checksum => take(found.payload).map_err(RecordProblem::Womd),
-            // It was sound when the set was opened.
+            Ok(Some(found)) if (found.payload.len() as u64, found.checksum) == (place.bytes, place.checksum) => {
+                take(found.payload).map_err(RecordProblem::Womd)
+            }
+            // Its checksum is the one that it had, and never was right.
+            Err(StreamError::Frame(error)) if error.problem.stored_for_payload() == Some(place.checksum) => {
+                Err(RecordProblem::Frame(error.problem))
+            }
+            // Its frame was sound when the set was opened.
             Ok(_) | Err(StreamError::Frame(_)) => Err(RecordProblem::Changed),
             Err(StreamError::Io { source, .. }) => Err(RecordProblem::io(source)),
         }
     };
-    let open = |byte| -> io::Result<File> {
-        let mut file = File::open(&place.path)?;
-        file.seek(SeekFrom::Start(byte))?;
-        Ok(file)
+    let path = &place.file.path;
+    let plain = || -> io::Result<BufReader<File>> {
+        let mut file = File::open(path)?;
+        file.seek(SeekFrom::Start(place.offset))?;
+        Ok(BufReader::new(file))
     };
-    let read = || match &place.packed {
-        None => read(&mut BufReader::new(open(place.offset).map_err(RecordProblem::Io)?)),
-        Some(restart) => {
-            let mut unpack = Unpack::from(open(restart.byte()).map_err(RecordProblem::Io)?, restart);
-            let before = place.offset - restart.unpacked();
-            io::copy(&mut unpack.by_ref().take(before), &mut io::sink()).map_err(RecordProblem::io)?;
-            read(&mut unpack)
+    let read = match &place.file.packed {
+        None => plain().map_err(RecordProblem::Io).and_then(|mut source| read(&mut source)),
+        Some(packed) => {
+            packed.enter(path, place.offset).map_err(RecordProblem::io).and_then(|mut source| read(&mut source))
         }
     };
-    read().map_err(|problem| RecordError::at(place, problem))
+    read.map_err(|problem| RecordError::at(place, problem))
 }

@@ -43,7 +43,7 @@ pub struct SetFile {
     pub exclude: Vec<String>,
 }
 
-/// The most scenes of one `[[generate]]`: all are made once when the set is opened, a few milliseconds each.
+/// The most scenes of one `[[generate]]`, each of which has an entry in the set.
 const MOST_GENERATED: u32 = 100_000;
 
 /// Scenes of one family, or of all.

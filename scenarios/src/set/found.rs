@@ -1,6 +1,5 @@
 //! What is found in the inputs of a set, before it is one.
 
-use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -79,32 +78,46 @@ impl fmt::Display for Note {
 }
 
 impl Found {
-    /// Leaves out what is there again with the same bytes.
+    /// Leaves out what is there again with the same bytes. Nothing but scenes of one name is read for that, and they only where their
+    /// lengths and checksums agree.
     ///
     /// # Errors
-    /// [`SetError::Duplicate`] where the bytes differ.
+    /// [`SetError::Duplicate`] where the bytes differ; why a generated scene cannot be made.
     pub(super) fn settle(&mut self) -> Result<(), SetError> {
-        let mut first: BTreeMap<SceneId, SceneEntry> = BTreeMap::new();
+        let again = self.again();
         let (mut repeated, mut example) = (0, None);
-        for entry in std::mem::take(&mut self.entries) {
-            match first.get(&entry.id) {
-                None => {
-                    first.insert(entry.id.clone(), entry.clone());
-                    self.entries.push(entry);
-                }
-                Some(same) if same.sha256 == entry.sha256 => {
+        for &(first, second) in &again {
+            let [one, other] = [first, second].map(|place| &self.entries[place]);
+            let places = || [one.source.clone(), other.source.clone()];
+            match one.is_same(other) {
+                Ok(true) => {
                     repeated += 1;
-                    example.get_or_insert((same.source.clone(), entry));
+                    example.get_or_insert_with(|| (one.id.clone(), places()));
                 }
-                Some(other) => {
-                    let places = Box::new([other.source.clone(), entry.source]);
-                    return Err(SetError::Duplicate { id: entry.id, places });
-                }
+                Ok(false) => return Err(SetError::Duplicate { id: one.id.clone(), places: Box::new(places()) }),
+                Err(SetError::Record(damaged)) => self.bad.push(damaged),
+                Err(error) => return Err(error),
             }
         }
         let note =
-            |(first, SceneEntry { id, source, .. })| Note::Repeated { records: repeated, id, first, second: source };
+            |(id, [first, second]): (SceneId, [Source; 2])| Note::Repeated { records: repeated, id, first, second };
         self.notes.extend(example.map(note));
+        let (mut place, mut again) = (0, again.iter().map(|(_, second)| *second).peekable());
+        self.entries.retain(|_| {
+            place += 1;
+            again.next_if_eq(&(place - 1)).is_none()
+        });
         Ok(())
+    }
+
+    /// The places of scenes whose name was there before, each behind the place where it was first, in order.
+    fn again(&self) -> Vec<(usize, usize)> {
+        let mut by_id: Vec<usize> = (0..self.entries.len()).collect();
+        by_id.sort_by_key(|place| &self.entries[*place].id);
+        let of_one_name = by_id.chunk_by(|one, other| self.entries[*one].id == self.entries[*other].id);
+        let mut again: Vec<_> =
+            of_one_name.flat_map(|places| places[1..].iter().map(|second| (places[0], *second))).collect();
+        again.sort_by_key(|(_, second)| *second);
+        again
     }
 }

@@ -3,27 +3,27 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use rayon::prelude::*;
 use world::scene::SceneId;
 
 use super::entry::SceneEntry;
 use super::file::Generate;
-use super::scan;
 use crate::error::SetError;
-use crate::generated::GeneratedError;
-use crate::generated::{ALL, FAMILIES, Family, Parameters};
+use crate::generated::{ALL, FAMILIES, Family};
 use crate::source::Source;
-
-/// A scene that is to be made: its family, its name, its number.
-type Wished = (&'static Family, String, u32);
 
 /// Appends the built-in demo set: the first scene of each family, called `demo-FAMILY`.
 pub(super) fn demo(entries: &mut Vec<SceneEntry>) -> Result<(), SetError> {
-    let wished = FAMILIES.iter().map(|family| (family, format!("demo-{}", family.name), 0)).collect();
-    make(wished, 0, &Arc::default(), entries)
+    let parameters = Arc::default();
+    FAMILIES.iter().try_for_each(|family| {
+        let id = format!("demo-{}", family.name);
+        let id = SceneId::new(&*id).map_err(|problem| SetError::Generated { id, problem: problem.into() })?;
+        let source = Source::Generated { family, seed: 0, index: 0, parameters: Arc::clone(&parameters) };
+        entries.push(SceneEntry { id, source });
+        Ok(())
+    })
 }
 
-/// Appends what the scene-set TOML at `path` wishes for.
+/// Appends what the scene-set TOML at `path` wishes for. Nothing is made yet.
 pub(super) fn generate(path: &Path, wish: &Generate, entries: &mut Vec<SceneEntry>) -> Result<(), SetError> {
     let toml = |problem: String| SetError::Toml { path: path.into(), problem };
     let families = Family::selected(&wish.family).ok_or_else(|| {
@@ -31,38 +31,19 @@ pub(super) fn generate(path: &Path, wish: &Generate, entries: &mut Vec<SceneEntr
         toml(format!("there is no family {name:?}; `scenarios families` shows those there are, and {ALL} means each"))
     })?;
     families.iter().try_for_each(|family| wish.parameters.check(family)).map_err(|error| toml(error.to_string()))?;
-    let mut wished = Vec::new();
+    let parameters = Arc::new(wish.parameters.clone());
+    entries.reserve(families.len() * wish.count as usize);
     for family in families {
         let id = |index| match &wish.name {
             None => family.scene_id(wish.seed, index),
             Some(name) if wish.family == ALL => format!("{name}-{}", family.scene_id(wish.seed, index)),
             Some(name) => format!("{name}-{}-{index}", wish.seed),
         };
-        SceneId::new(id(wish.count).as_str()).map_err(|error| toml(format!("`name`: {error}")))?;
-        wished.extend((0..wish.count).map(|index| (family, id(index), index)));
+        for index in 0..wish.count {
+            let id = SceneId::new(id(index)).map_err(|error| toml(format!("`name`: {error}")))?;
+            let source = Source::Generated { family, seed: wish.seed, index, parameters: Arc::clone(&parameters) };
+            entries.push(SceneEntry { id, source });
+        }
     }
-    make(wished, wish.seed, &Arc::new(wish.parameters.clone()), entries)
-}
-
-/// Makes each scene once, on all cores, to know its hash.
-fn make(
-    wished: Vec<Wished>,
-    seed: u64,
-    parameters: &Arc<Parameters>,
-    entries: &mut Vec<SceneEntry>,
-) -> Result<(), SetError> {
-    let made: Result<Vec<SceneEntry>, SetError> =
-        wished.into_par_iter().map(|wished| entry(wished, seed, parameters)).collect();
-    entries.append(&mut made?);
     Ok(())
-}
-
-fn entry((family, id, index): Wished, seed: u64, parameters: &Arc<Parameters>) -> Result<SceneEntry, SetError> {
-    let make = || -> Result<_, GeneratedError> {
-        let payload = family.payload(&id, seed, index, parameters)?;
-        Ok((SceneId::new(id.as_str())?, scan::sha256(&payload)))
-    };
-    let (scene, sha256) = make().map_err(|problem| SetError::Generated { id: id.clone(), problem })?;
-    let parameters = Arc::clone(parameters);
-    Ok(SceneEntry { id: scene, sha256, source: Source::Generated { family, seed, index, parameters } })
 }

@@ -1,4 +1,4 @@
-//! What an input means: a file, a folder, a glob, a scene-set TOML, or the word `demo`.
+//! What an input means: a file, a folder, a glob, a scene-set TOML, an index, or the word `demo`.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::file::SetFile;
 use super::found::{Found, Note};
-use super::{generate, scan};
+use super::{generate, index, scan};
 use crate::content::Content;
 use crate::error::SetError;
 use crate::tfrecord::{self, Packing, Restart, Unpack};
@@ -85,6 +85,9 @@ fn is_side_file(name: &str) -> bool {
 fn open_file(path: &Path, found: &mut Found) -> Result<(), SetError> {
     if !has_tfrecord_name(path) {
         let start = start_of(path).map_err(|source| unreadable(path, source))?;
+        if index::looks_like_index(&start) {
+            return index::open(path, found);
+        }
         if !holds_records(path, &start) {
             return Err(match Content::of(&start) {
                 Some(content) => SetError::Foreign { path: path.into(), content },
@@ -97,7 +100,7 @@ fn open_file(path: &Path, found: &mut Found) -> Result<(), SetError> {
 
 fn start_of(path: &Path) -> io::Result<Vec<u8>> {
     let mut start = Vec::new();
-    File::open(path)?.take(tfrecord::HEADER_BYTES as u64).read_to_end(&mut start)?;
+    File::open(path)?.take(index::START_BYTES as u64).read_to_end(&mut start)?;
     Ok(start)
 }
 

@@ -4,21 +4,27 @@ mod entry;
 mod file;
 mod found;
 mod generate;
+pub(crate) mod index;
 mod inputs;
 mod logged;
 mod scan;
 
-use std::sync::Arc;
+use std::path::Path;
+use std::sync::{Arc, OnceLock};
 
+use rayon::prelude::*;
 use world::scene::{Finding, Scene};
 
+use self::entry::Hash;
 use self::found::Found;
-use crate::error::{RecordError, SetError};
-use crate::womd;
+use crate::error::{RecordError, RecordProblem, SetError};
+use crate::source::Source;
+use crate::womd::{self, WomdError};
 
 pub use entry::SceneEntry;
 pub use file::{SetFile, TomlProblem};
 pub use found::Note;
+pub use index::IndexError;
 pub use inputs::GENERATED_TOML;
 pub use logged::Logs;
 
@@ -26,16 +32,19 @@ pub use logged::Logs;
 #[derive(Clone, Debug)]
 pub struct SceneSet {
     entries: Vec<SceneEntry>,
+    /// Of each entry, once its bytes were seen.
+    hashes: Vec<OnceLock<Hash>>,
     notes: Vec<Note>,
 }
 
 impl SceneSet {
     /// The scenes of `inputs`: TFRecord files, packed or not, folders (searched through, in order of names), globs, scene-set
-    /// TOML files ([`SetFile`]), or the word `demo`. Nothing means `demo`. Their order is that of the inputs, of the names within
+    /// TOML files ([`SetFile`]), indices ([`SceneSet::index`]), or the word `demo`. Nothing means `demo`. Their order is that of the inputs, of the names within
     /// a folder or glob, and of the records within a file. A record that is there again with the same bytes counts once.
     ///
-    /// Each file is read once: every checksum is verified, every scene's id and hash taken; scenes are decoded by
-    /// [`SceneSet::load`] alone.
+    /// Of each record of a plain file the length and its checksum are read, and as much as it takes to come to its id; a packed file is
+    /// unpacked, and its payloads' checksums verified too. A damaged payload of a plain file, and a generated scene that cannot be made,
+    /// are found by [`SceneSet::load`], or for all scenes by [`SceneSet::verify`].
     ///
     /// # Errors
     /// [`SetError`], for the first thing that is wrong: a set is opened whole or not at all.
@@ -59,11 +68,12 @@ impl SceneSet {
             inputs::open(input, &mut found)?;
         }
         found.settle()?;
-        let Found { entries, bad, notes } = found;
+        let Found { mut entries, bad, notes } = found;
         if entries.is_empty() && bad.is_empty() {
             return Err(SetError::NoScenes { inputs: inputs.to_vec() });
         }
-        Ok((Self { entries, notes }, bad))
+        entries.shrink_to_fit();
+        Ok((Self { hashes: vec![OnceLock::new(); entries.len()], entries, notes }, bad))
     }
 
     /// What was done about the inputs and should be told: files passed over, records that count once.
@@ -81,28 +91,92 @@ impl SceneSet {
     /// The set of these scenes alone, by their places here, in the order given; places that are none are passed over.
     #[must_use]
     pub fn only(&self, places: &[usize]) -> Self {
-        let entries = places.iter().filter_map(|place| self.entries.get(*place).cloned());
-        Self { entries: entries.collect(), notes: Vec::new() }
+        let of = |place: &usize| Some((self.entries.get(*place)?.clone(), self.hashes[*place].clone()));
+        let (entries, hashes) = places.iter().filter_map(of).unzip();
+        Self { entries, hashes, notes: Vec::new() }
     }
 
     /// Loads scene `index`: the checked scene, and what was found odd in it and mended.
     ///
     /// # Errors
-    /// [`SetError`] if it cannot be read, has changed since the set was opened, or cannot be used.
+    /// [`SetError`] if it cannot be read, is damaged, has changed since the set was opened, or cannot be used.
     pub fn load(&self, index: usize) -> Result<(Arc<Scene>, Vec<Finding>), SetError> {
-        let scenes = self.entries.len();
-        let entry = self.entries.get(index).ok_or(SetError::Index { index, scenes })?;
-        let (scene, findings) = entry.read(womd::read)?;
-        Ok((Arc::new(scene), findings))
+        self.take(index, womd::read).and_then(|loaded| self.named(index, loaded))
+    }
+
+    /// As [`SceneSet::load`], and takes the hash of what it reads, for [`SceneSet::sha256`] to tell.
+    ///
+    /// # Errors
+    /// As [`SceneSet::load`].
+    pub fn load_hashed(&self, index: usize) -> Result<(Arc<Scene>, Vec<Finding>), SetError> {
+        let read = |payload: &[u8]| {
+            self.hashes[index].get_or_init(|| Hash::of(payload));
+            womd::read(payload)
+        };
+        self.take(index, read).and_then(|loaded| self.named(index, loaded))
+    }
+
+    /// SHA-256 of the payload of scene `index`, in hexadecimal digits: which scene it is, whatever its file is called. It is read for that,
+    /// unless it was before.
+    ///
+    /// # Errors
+    /// [`SetError`] if it cannot be read, is damaged, or has changed since the set was opened.
+    pub fn sha256(&self, index: usize) -> Result<String, SetError> {
+        if let Some(hash) = self.known_sha256(index) {
+            return Ok(hash);
+        }
+        let hash = self.take(index, |payload| Ok(Hash::of(payload)))?;
+        Ok(self.hashes[index].get_or_init(|| hash).to_string())
+    }
+
+    /// The same as far as it is known without reading.
+    #[must_use]
+    pub fn known_sha256(&self, index: usize) -> Option<String> {
+        self.hashes.get(index)?.get().map(ToString::to_string)
+    }
+
+    /// Reads every scene's bytes, on all cores: verifies their checksums, and takes their hashes. Scenes are not decoded.
+    ///
+    /// # Errors
+    /// [`SetError`] of the first that is damaged or cannot be made.
+    pub fn verify(&self) -> Result<(), SetError> {
+        let wrong = (0..self.entries.len()).into_par_iter().map(|index| self.sha256(index).err());
+        wrong.find_map_first(|error| error).map_or(Ok(()), Err)
     }
 
     /// The payload of scene `index` as it lies in its file, to be copied to another.
     ///
     /// # Errors
-    /// [`SetError`] if it cannot be read or has changed since the set was opened.
+    /// [`SetError`] if it cannot be read, is damaged, or has changed since the set was opened.
     pub fn payload(&self, index: usize) -> Result<Vec<u8>, SetError> {
+        self.take(index, |payload| Ok(payload.to_vec()))
+    }
+
+    /// The set's index, to be written to a file in `folder`: an input that stands for this set and is opened without searching, skimming or
+    /// unpacking, as long as the scenes' files stay what they are.
+    #[must_use]
+    pub fn index(&self, folder: &Path) -> Vec<u8> {
+        index::write(&self.entries, folder)
+    }
+
+    fn take<T>(&self, index: usize, take: impl FnOnce(&[u8]) -> Result<T, WomdError>) -> Result<T, SetError> {
         let scenes = self.entries.len();
-        let entry = self.entries.get(index).ok_or(SetError::Index { index, scenes })?;
-        entry.read(|payload| Ok(payload.to_vec()))
+        self.entries.get(index).ok_or(SetError::Number { index, scenes })?.read(take)
+    }
+
+    /// What was loaded, if it is of the name under which the set has it.
+    fn named(
+        &self,
+        index: usize,
+        (scene, findings): (Scene, Vec<Finding>),
+    ) -> Result<(Arc<Scene>, Vec<Finding>), SetError> {
+        let SceneEntry { id, source } = &self.entries[index];
+        match source {
+            Source::File(place) if scene.id() != id => {
+                let problem = WomdError::TwoIds { first: id.to_string(), last: scene.id().to_string() };
+                Err(RecordError::at(place, RecordProblem::Womd(problem)).into())
+            }
+            _ => Ok((Arc::new(scene), findings)),
+        }
     }
 }

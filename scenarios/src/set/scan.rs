@@ -1,24 +1,22 @@
-//! What is in a file: each record's id, place and hash; and how one record is read again.
+//! What is in a file: each record's id and place. A plain file is skimmed; a packed one has to be unpacked whole.
 
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 use std::sync::Arc;
 
-use sha2::{Digest, Sha256};
+use world::scene::SceneId;
 
-use super::entry::SceneEntry;
+use super::entry::{SceneEntry, read_at};
 use super::found::Found;
+use super::index;
 use crate::content::Content;
 use crate::error::{RecordError, RecordProblem, SetError};
-use crate::source::{Place, Source};
-use crate::tfrecord::{HEADER_BYTES, Packing, Records, Restart, Unpack, looks_like_tfrecord};
-use crate::womd;
+use crate::source::{Place, SceneFile, Source};
+use crate::tfrecord::{Entrances, Frame, Frames, HEADER_BYTES, Packing, Records, Restart, Unpack, looks_like_tfrecord};
+use crate::womd::{self, Skim, Skimmed};
 
-/// A packed file can be entered about every so many unpacked bytes: 4 MiB, some 10 ms of unpacking.
-const RESTART_BYTES: u64 = 4 << 20;
-
-/// Appends the scenes of the TFRecord file at `path` in their order, and the records that give none. After a damaged frame
+/// Appends the scenes of the TFRecord file at `path` in their order, and the records that give none. Where the length of one is damaged,
 /// nothing tells where the next record begins.
 pub(super) fn scan(path: &Path, found: &mut Found) -> Result<(), SetError> {
     let io = |source| SetError::Io { path: path.into(), source };
@@ -35,62 +33,63 @@ pub(super) fn scan(path: &Path, found: &mut Found) -> Result<(), SetError> {
         found.bad.push(RecordError { path: path.into(), record: 0, offset: 0, packing: None, problem });
         return Ok(());
     }
-    match Packing::of(&start) {
-        None => scan_records(path, None, Records::new(BufReader::new(file)), |_| None, found),
-        Some(packing) => {
-            let mut restart = Arc::new(Restart::beginning(packing));
-            let unpack = Unpack::from(file, &restart);
-            let enter = |source: &Unpack<File>| {
-                if source.unpacked() - restart.unpacked() >= RESTART_BYTES {
-                    restart = Arc::new(source.restart());
-                }
-                Some(Arc::clone(&restart))
-            };
-            scan_records(path, Some(packing), Records::new(unpack), enter, found);
-        }
-    }
+    let metadata = file.metadata().map_err(io)?;
+    let packed = Packing::of(&start).map(Entrances::of);
+    let described =
+        SceneFile { path: path.into(), bytes: metadata.len(), modified: index::modified(&metadata), packed };
+    let described = Arc::new(described);
+    let ended = match &described.packed {
+        None => skim(&described, Frames::new(file, described.bytes), found),
+        Some(entrances) => unpack(&described, entrances, file, found),
+    };
+    found.bad.extend(ended.err());
     Ok(())
 }
 
-/// `enter` says of a source that stands before a record how to come there again.
-fn scan_records<R: Read>(
-    path: &Path,
-    packing: Option<Packing>,
-    mut records: Records<R>,
-    mut enter: impl FnMut(&R) -> Option<Arc<Restart>>,
-    found: &mut Found,
-) {
-    let path: Arc<Path> = path.into();
+fn skim<R: Read + Seek>(file: &Arc<SceneFile>, mut frames: Frames<R>, found: &mut Found) -> Result<(), RecordError> {
     loop {
-        let packed = enter(records.source());
-        let record = match records.next_record() {
-            Ok(Some(record)) => record,
-            Ok(None) => return,
-            Err(error) => return found.bad.push(RecordError::stream(&path, packing, error)),
+        let Some(frame) = frames.next_frame().map_err(|error| RecordError::stream(&file.path, None, error))? else {
+            return Ok(());
         };
+        let Frame { index: record, offset, bytes, checksum } = frame;
+        let place = Place { file: Arc::clone(file), record, offset, bytes, checksum };
+        let skimmed =
+            skim_id(&mut frames, &frame).map_err(|error| RecordError::at(&place, RecordProblem::Io(error)))?;
+        match skimmed.map_or_else(|| read_at(&place, womd::scene_id), Ok) {
+            Ok(id) => found.entries.push(SceneEntry { id, source: Source::File(place) }),
+            Err(error) => found.bad.push(error),
+        }
+    }
+}
+
+fn skim_id<R: Read + Seek>(frames: &mut Frames<R>, frame: &Frame) -> io::Result<Option<SceneId>> {
+    let mut skim = Skim::new(frame.bytes);
+    loop {
+        match skim.take(frames.at(frame.payload() + skim.offset())?) {
+            Skimmed::More => {}
+            Skimmed::Id(id) => return Ok(Some(id)),
+            Skimmed::Untold => return Ok(None),
+        }
+    }
+}
+
+fn unpack(file: &Arc<SceneFile>, entrances: &Entrances, source: File, found: &mut Found) -> Result<(), RecordError> {
+    let packing = entrances.packing();
+    let mut records = Records::new(Unpack::from(source, &Restart::beginning(packing)));
+    loop {
+        entrances.pass(records.source());
+        let next = records.next_record().map_err(|error| RecordError::stream(&file.path, Some(packing), error))?;
+        let Some(record) = next else { return Ok(()) };
         let place = Place {
-            path: Arc::clone(&path),
+            file: Arc::clone(file),
             record: record.index,
             offset: record.offset,
             bytes: record.payload.len() as u64,
             checksum: record.checksum,
-            packed,
         };
         match womd::scene_id(record.payload) {
-            Ok(id) => {
-                let sha256 = sha256(record.payload);
-                found.entries.push(SceneEntry { id, sha256, source: Source::File(place) });
-            }
+            Ok(id) => found.entries.push(SceneEntry { id, source: Source::File(place) }),
             Err(problem) => found.bad.push(RecordError::at(&place, RecordProblem::Womd(problem))),
         }
     }
-}
-
-/// SHA-256 of `bytes` in hex.
-pub(super) fn sha256(bytes: &[u8]) -> String {
-    use std::fmt::Write as _;
-    Sha256::digest(bytes).iter().fold(String::with_capacity(64), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}"); // a String takes all
-        text
-    })
 }

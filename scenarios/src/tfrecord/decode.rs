@@ -49,6 +49,14 @@ pub enum FrameProblem {
 }
 
 impl FrameProblem {
+    /// The checksum that is stored for a payload which it does not match.
+    pub(crate) fn stored_for_payload(&self) -> Option<u32> {
+        match self {
+            Self::PayloadChecksum { stored, .. } => Some(*stored),
+            _ => None,
+        }
+    }
+
     /// What the user can do.
     #[must_use]
     pub fn hint(&self) -> &'static str {
@@ -123,7 +131,9 @@ impl Decoder {
             return Ok(false);
         }
         if self.expected == HEADER_BYTES {
-            self.expected = HEADER_BYTES + FOOTER_BYTES + self.check_header()?;
+            let length =
+                self.buffer.first_chunk().map_or(Ok(0), payload_length).map_err(|problem| self.error(problem))?;
+            self.expected = HEADER_BYTES + FOOTER_BYTES + length as usize; // at most MAX_PAYLOAD_BYTES
             return Ok(false);
         }
         let (stored, computed) = (self.stored_checksum(), masked_crc32c(self.payload()));
@@ -162,22 +172,6 @@ impl Decoder {
         }))
     }
 
-    /// The payload's length, if the header can be believed.
-    fn check_header(&self) -> Result<usize, FrameError> {
-        let header = &self.buffer[..HEADER_BYTES];
-        let mut length = [0; 8];
-        length.copy_from_slice(&header[..8]);
-        let (stored, computed) = (little_endian(&header[8..]), masked_crc32c(&length));
-        if stored != computed {
-            return Err(self.error(FrameProblem::HeaderChecksum { stored, computed }));
-        }
-        let length = u64::from_le_bytes(length);
-        match usize::try_from(length) {
-            Ok(bytes) if length <= MAX_PAYLOAD_BYTES => Ok(bytes),
-            _ => Err(self.error(FrameProblem::TooLong { length })),
-        }
-    }
-
     fn payload(&self) -> &[u8] {
         &self.buffer[HEADER_BYTES..self.expected - FOOTER_BYTES]
     }
@@ -189,6 +183,18 @@ impl Decoder {
     fn error(&self, problem: FrameProblem) -> FrameError {
         FrameError { record: self.index, offset: self.offset, problem }
     }
+}
+
+/// The payload's length, if the header can be believed.
+pub(super) fn payload_length(header: &[u8; HEADER_BYTES]) -> Result<u64, FrameProblem> {
+    let mut length = [0; 8];
+    length.copy_from_slice(&header[..8]);
+    let (stored, computed) = (little_endian(&header[8..]), masked_crc32c(&length));
+    if stored != computed {
+        return Err(FrameProblem::HeaderChecksum { stored, computed });
+    }
+    let length = u64::from_le_bytes(length);
+    if length > MAX_PAYLOAD_BYTES { Err(FrameProblem::TooLong { length }) } else { Ok(length) }
 }
 
 fn little_endian(bytes: &[u8]) -> u32 {

@@ -8,14 +8,18 @@
 //! | 4 | masked CRC32C of the payload |
 //!
 //! [`Decoder`] is the core without IO; [`Records`] drives it over any [`std::io::Read`] and holds one record at a time;
-//! [`Unpack`] stands between where the file is packed as a whole.
+//! [`Unpack`] stands between where the file is packed as a whole. [`Frames`] steps from record to record past what they hold.
 
 mod decode;
+mod entrances;
 mod packed;
+mod skim;
 mod stream;
 
 pub use decode::{Decoder, FrameError, FrameProblem, Record};
+pub use entrances::Entrances;
 pub use packed::{PackedError, PackedProblem, Packing, Restart, Unpack};
+pub use skim::{Frame, Frames};
 pub use stream::{Records, StreamError};
 
 /// Bytes before a payload.

@@ -1,10 +1,11 @@
 //! The Waymo Open Motion Dataset's scenario format: one protobuf `Scenario` a record of a TFRecord file.
 //!
-//! [`read`] takes a record's payload and gives a checked scene; [`write()`] is its inverse. Neither does IO.
+//! [`read`] takes a record's payload and gives a checked scene; [`write()`] is its inverse; [`Skim`] finds the id alone. None does IO.
 
 mod kinds;
 pub mod message;
 mod read;
+mod skim;
 mod wire;
 mod write;
 
@@ -12,6 +13,7 @@ use thiserror::Error;
 use world::scene::{SceneError, SceneId};
 
 pub use read::{read, scene_id};
+pub use skim::{Skim, Skimmed};
 pub use write::write;
 
 /// Why a record's payload gives no scene.
@@ -32,6 +34,14 @@ pub enum WomdError {
         /// The scene.
         id: SceneId,
     },
+    /// It has two ids: files are skimmed for the first, and messages are read by the last.
+    #[error("the record calls itself {first} first, and {last} further on")]
+    TwoIds {
+        /// The first.
+        first: String,
+        /// The last.
+        last: String,
+    },
     /// It decodes, but makes no sense.
     #[error("the scene cannot be used: {0}")]
     Scene(#[from] SceneError),
@@ -44,7 +54,9 @@ impl WomdError {
         match self {
             Self::TfExample => "take the data set's `scenario` folder instead of its `tf_example` folder",
             Self::NotAScenario => "take files from the Waymo Open MOTION Dataset's `scenario` folder",
-            Self::Protobuf(_) => "the checksums are right, so it was written this way: ask whoever wrote the file",
+            Self::Protobuf(_) | Self::TwoIds { .. } => {
+                "the checksums are right, so it was written this way: ask whoever wrote the file"
+            }
             Self::LaserOnly { .. } => {
                 "take the data set's `scenario` folder; its `lidar_and_camera` folder only goes with it"
             }

@@ -24,8 +24,9 @@ pub fn read(payload: &[u8]) -> Result<(Scene, Vec<Finding>), WomdError> {
 }
 
 /// Numbers of a Scenario's fields.
-const TIMES: u64 = 1;
-const TRACKS: u64 = 2;
+pub(super) const TIMES: u64 = 1;
+pub(super) const TRACKS: u64 = 2;
+pub(super) const ID: u64 = 5;
 const LASER_DATA: u64 = 12;
 const CAMERA_TOKENS: u64 = 13;
 
@@ -35,17 +36,21 @@ const CAMERA_TOKENS: u64 = 13;
 /// [`WomdError`] as of [`read`].
 pub fn scene_id(payload: &[u8]) -> Result<SceneId, WomdError> {
     let find = || -> Result<_, WomdError> {
-        let (mut id, mut laser, mut scene) = (&[][..], false, false);
+        let (mut ids, mut laser, mut scene) = ([None; 2], false, false);
         for field in wire::fields(payload) {
             let (number, field) = field.map_err(|error| WomdError::Protobuf(error.to_string()))?;
             match (number, field) {
-                (5, Field::Bytes(bytes)) => id = bytes, // the last one counts
+                (ID, Field::Bytes(bytes)) => ids = [ids[0].or(Some(bytes)), Some(bytes)],
                 (TIMES | TRACKS, _) => scene = true,
                 (LASER_DATA | CAMERA_TOKENS, _) => laser = true,
                 _ => {}
             }
         }
-        let id = SceneId::new(String::from_utf8_lossy(id))?;
+        let [first, last] = ids.map(|id| String::from_utf8_lossy(id.unwrap_or_default()).into_owned());
+        if first != last {
+            return Err(WomdError::TwoIds { first, last });
+        }
+        let id = SceneId::new(last)?;
         if laser && !scene { Err(WomdError::LaserOnly { id }) } else { Ok(id) }
     };
     find().map_err(|error| super::diagnose(payload).unwrap_or(error))

@@ -71,7 +71,7 @@ fn skip_group(rest: &mut &[u8]) -> Option<()> {
     Some(())
 }
 
-fn varint(rest: &mut &[u8]) -> Option<u64> {
+pub(super) fn varint(rest: &mut &[u8]) -> Option<u64> {
     let mut value = 0;
     for shift in (0..70).step_by(7) {
         let (byte, after) = rest.split_first()?;

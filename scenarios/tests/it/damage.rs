@@ -21,15 +21,20 @@ fn two_scenes() -> (Vec<u8>, usize) {
     (file, second)
 }
 
-fn open(bytes: &[u8]) -> Result<SceneSet, SetError> {
+/// Opens a file of these bytes, and has a look at it while it is there.
+fn look<T>(bytes: &[u8], look: impl FnOnce(Result<SceneSet, SetError>) -> T) -> T {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.tfrecord-00000-of-00001");
     fs::write(&path, bytes).unwrap();
-    SceneSet::open(&[path.to_string_lossy().into_owned()])
+    look(SceneSet::open(&[path.to_string_lossy().into_owned()]))
 }
 
-fn record_error(bytes: &[u8]) -> RecordError {
-    match open(bytes).unwrap_err() {
+fn open(bytes: &[u8]) -> Result<SceneSet, SetError> {
+    look(bytes, |opened| opened)
+}
+
+fn of_record(error: SetError) -> RecordError {
+    match error {
         SetError::Record(error) => {
             assert!(error.to_string().contains("x.tfrecord-00000-of-00001: record"), "{error}");
             error
@@ -38,10 +43,17 @@ fn record_error(bytes: &[u8]) -> RecordError {
     }
 }
 
-fn frame_problem(bytes: &[u8]) -> (u64, u64, FrameProblem) {
-    let error = record_error(bytes);
+fn record_error(bytes: &[u8]) -> RecordError {
+    of_record(open(bytes).unwrap_err())
+}
+
+fn in_frame(error: RecordError) -> (u64, u64, FrameProblem) {
     let RecordProblem::Frame(problem) = error.problem else { panic!("{error}") };
     (error.record, error.offset, problem)
+}
+
+fn frame_problem(bytes: &[u8]) -> (u64, u64, FrameProblem) {
+    in_frame(record_error(bytes))
 }
 
 #[test]
@@ -61,7 +73,9 @@ fn a_flipped_bit_in_any_of_the_four_parts() {
     for (at, header) in [(second, true), (second + 9, true), (second + 500, false), (file.len() - 2, false)] {
         let mut file = file.clone();
         file[at] ^= 4;
-        let (record, offset, problem) = frame_problem(&file);
+        // A damaged length is found at opening, a damaged payload when it is loaded.
+        let loaded = || look(&file, |set| of_record(set.unwrap().load(1).unwrap_err()));
+        let (record, offset, problem) = if header { frame_problem(&file) } else { in_frame(loaded()) };
         assert_eq!((record, offset), (1, second as u64));
         assert_eq!(matches!(problem, FrameProblem::HeaderChecksum { .. }), header, "{problem}");
         assert_eq!(matches!(problem, FrameProblem::PayloadChecksum { .. }), !header, "{problem}");

@@ -6,12 +6,14 @@ mod cli;
 mod damage;
 mod generate;
 mod identity;
+mod index;
 mod packed;
 mod real;
 mod render;
 #[path = "../../src/lint/tests/road.rs"]
 mod road;
 mod sets;
+mod skim;
 mod stats;
 
 use std::path::PathBuf;

@@ -64,7 +64,7 @@ pub fn again(file: &RunFile, means: &Means) -> Result<Request, CastError> {
     }
     let mut settings = file.settings.clone();
     settings.record = Record::None;
-    Ok(Request { settings, machine, out: None, retry: Vec::new(), timing: false })
+    Ok(Request { settings, machine, out: None, retry: Vec::new(), verify: false, timing: false })
 }
 
 /// Where the weights of the run are; none where it has none, or those that are built in.
@@ -99,11 +99,15 @@ pub fn scenes<'l>(scenarios: &[String], lines: impl IntoIterator<Item = &'l Scen
     let set = SceneSet::open(scenarios)?;
     let entries = set.entries().iter().enumerate();
     let by_id: BTreeMap<&str, usize> = entries.map(|(place, entry)| (entry.id.as_str(), place)).collect();
-    let place = |line: &SceneLine| match by_id.get(line.id.as_str()) {
-        None => Err(CastError::NoScene(line.id.clone())),
-        Some(&place) if set.entries()[place].sha256 != line.sha256 => Err(CastError::OtherScene(line.id.clone())),
-        Some(&place) => Ok(place),
-    };
-    let places = lines.into_iter().map(place).collect::<Result<Vec<usize>, _>>()?;
-    Ok(set.only(&places))
+    let lines: Vec<&SceneLine> = lines.into_iter().collect();
+    let place = |line: &&SceneLine| by_id.get(&*line.id).copied().ok_or_else(|| CastError::NoScene(line.id.clone()));
+    let places = lines.iter().map(place).collect::<Result<Vec<usize>, _>>()?;
+    let set = set.only(&places);
+    // All at once, on all cores; what was found is known then.
+    set.verify()?;
+    let is_other = |at: &usize| set.known_sha256(*at).as_deref() != Some(&*lines[*at].sha256);
+    match (0..lines.len()).find(is_other) {
+        Some(at) => Err(CastError::OtherScene(lines[at].id.clone())),
+        None => Ok(set),
+    }
 }

@@ -115,10 +115,10 @@ impl Run<'_> {
         let recorded = Recorded::read(&bytes).map_err(|error| format!("{}: {error}", path.display()))?;
         let place = self.scenes.entries().iter().position(|entry| entry.id.as_str() == id);
         let place = place.ok_or("its scene is not among those given")?;
-        if self.scenes.entries()[place].sha256 != sha256 {
+        let (scene, _) = self.scenes.load_hashed(place).map_err(|error| error.to_string())?;
+        if self.scenes.known_sha256(place).as_deref() != Some(sha256) {
             return Err("its scene is another one than was driven: the SHA-256 differs".to_owned());
         }
-        let (scene, _) = self.scenes.load(place).map_err(|error| error.to_string())?;
         match replay(Arc::clone(&scene), &self.file.settings.protocol, &recorded).map_err(|error| error.to_string())? {
             Verdict::Differs(difference) => Err(difference.to_string()),
             Verdict::Same(steps) => self.results.hold(id, &recorded).map(|()| steps),

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use evaluation::open_loop::row::Row;
 use evaluation::open_loop::{Definitions, Moment, frames};
 use results::folder::{Folder, Opened};
-use results::settings::{Build, RunFile, SceneLine};
+use results::settings::RunFile;
 use scenarios::SceneSet;
 use wire::cores::Cores;
 use wire::proto::{EndReason, EpisodeEnd};
@@ -26,7 +26,7 @@ use super::drive::Driver;
 use super::interrupt::Interrupts;
 use super::shared::Shared;
 use super::worker::Worker;
-use super::{RunError, State, drive_all, reach};
+use super::{RunError, State, begun, drive_all, reach};
 use crate::request::Request;
 
 /// What is judged, and what came of it.
@@ -58,13 +58,7 @@ pub fn judge(
     console: &Console,
     interrupts: &Interrupts,
 ) -> Result<Judged, RunError> {
-    let line = |entry: &scenarios::SceneEntry| SceneLine { id: entry.id.to_string(), sha256: entry.sha256.clone() };
-    let file = RunFile {
-        settings: request.settings.clone(),
-        build: Build::this(),
-        machine: request.machine.clone(),
-        scenes: scenes.entries().iter().map(line).collect(),
-    };
+    let file = begun(request, scenes);
     // What nodes say is logged in a folder as that of any run, which goes with its figures taken.
     let place = tempfile::tempdir().map_err(results::files::at("create a folder in", &std::env::temp_dir()))?;
     let (Opened::New(folder) | Opened::Unfinished(folder) | Opened::Finished(folder)) =
@@ -86,6 +80,7 @@ pub fn judge(
         Ending::Interrupted => return Err(RunError::Interrupted { state: nothing() }),
     }
     let rows = shared.frames.as_ref().map(Frames::take).unwrap_or_default();
+    let file = file.with_hashes((0..total).map(|at| shared.scenes.known_sha256(at).unwrap_or_default()));
     Ok(Judged { file, rows: rows.into_values().flatten().collect() })
 }
 
@@ -113,7 +108,7 @@ impl Worker<'_> {
     pub(super) fn judge(&mut self, Drive { scene, repeatable, .. }: Drive, frames: &Frames) -> Option<Event> {
         let shared = self.shared;
         let pauses = shared.pauses();
-        let asked = match shared.scenes.load(scene) {
+        let asked = match shared.scenes.load_hashed(scene) {
             Err(error) => {
                 let id = shared.scenes.entries()[scene].id.as_str();
                 let row = Row { failure: error.to_string(), ..Row::of(id, 0) };

@@ -15,6 +15,7 @@
 //! | [`in_process`] | drivers that are in this process |
 //! | [`beginning`] | episodes that are not their driver's from the first step on |
 //! | [`frames`] | no drive at all: plans at frames of the log, to be judged |
+//! | [`scene_index`] | where nodes that read the log find the scenes |
 //! | [`progress`] | which episodes are done, and which are to be driven |
 //! | [`bus_threads`] | the threads of the bus |
 //! | [`process`], [`shell`], [`voice`], [`raised`], [`witness`] | nodes: started, heard, and how they ended |
@@ -29,6 +30,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
+use rayon::prelude::*;
 use results::digest::DigestError;
 use results::files::FileError;
 use results::folder::{Folder, FolderError, Opened};
@@ -36,7 +38,7 @@ use results::parquet::ParquetError;
 use results::part::Part;
 use results::settings::Record;
 use results::settings::{Build, Planner, RunFile, SceneLine};
-use scenarios::{SceneSet, SetError};
+use scenarios::{SceneEntry, SceneSet, SetError};
 use thiserror::Error;
 use wire::cores::Cores;
 use wire::hub::{Hub, HubSettings};
@@ -72,6 +74,7 @@ pub mod process;
 pub mod progress;
 pub mod raised;
 pub mod recorder;
+pub mod scene_index;
 pub mod shared;
 pub mod shell;
 pub mod threads;
@@ -169,6 +172,9 @@ pub fn run(request: &Request, clock: WallClock, console: &Console, interrupts: &
     for note in scenes.notes() {
         console.line(&format!("note: {note}"));
     }
+    if request.verify {
+        scenes.verify()?;
+    }
     run_task(request, Task { scenes, beginnings: Beginnings::default(), onlooker: None }, clock, console, interrupts)
 }
 
@@ -184,17 +190,12 @@ pub fn run_task(
     interrupts: &Interrupts,
 ) -> Result<Done, RunError> {
     let scenes = &task.scenes;
-    let line = |entry: &scenarios::SceneEntry| SceneLine { id: entry.id.to_string(), sha256: entry.sha256.clone() };
-    let file = RunFile {
-        settings: request.settings.clone(),
-        build: Build::this(),
-        machine: request.machine.clone(),
-        scenes: scenes.entries().iter().map(line).collect(),
-    };
+    let file = begun(request, scenes);
+    let hashes = || (0..file.scenes.len()).into_par_iter().map(|at| scenes.sha256(at).unwrap_or_default()).collect();
     let retry = &request.retry;
     let opened = match &request.out {
-        Some(path) => Folder::open(path, &file)?,
-        None => Folder::choose(Path::new(results::folder::RUNS), &file, !retry.is_empty())?,
+        Some(path) => Folder::open_with(path, &file, &hashes)?,
+        None => Folder::choose(Path::new(results::folder::RUNS), &file, &hashes, !retry.is_empty())?,
     };
     let (folder, finished) = match opened {
         Opened::Finished(folder) => (folder, true),
@@ -221,6 +222,21 @@ pub fn run_task(
     done
 }
 
+/// The run that `request` begins over these scenes, none of which has been read yet.
+fn begun(request: &Request, scenes: &SceneSet) -> RunFile {
+    let line = |entry: &SceneEntry| SceneLine {
+        id: entry.id.to_string(),
+        fingerprint: Some(entry.fingerprint()),
+        ..SceneLine::default()
+    };
+    RunFile {
+        settings: request.settings.clone(),
+        build: Build::this(),
+        machine: request.machine.clone(),
+        scenes: scenes.entries().iter().map(line).collect(),
+    }
+}
+
 /// Drives what is pending, and merges it with what is done.
 fn drive_pending(
     Task { scenes, beginnings, onlooker }: Task,
@@ -231,7 +247,7 @@ fn drive_pending(
     console: &Console,
     interrupts: &Interrupts,
 ) -> Result<Done, RunError> {
-    let Progress { pending, damaged, earlier } = progress;
+    let Progress { pending, damaged, earlier, hashes } = progress;
     let (total, path) = (file.scenes.len(), folder.path().to_owned());
     for scene in damaged {
         console.line(&format!("note: the stored episode of {scene} is damaged, and is driven again"));
@@ -272,12 +288,16 @@ fn drive_pending(
         Ending::Interrupted => return Err(RunError::Interrupted { state: state() }),
     }
     let mut breakdown = Breakdown::default();
+    // Of a scene that was not read now, its episode of before knows.
+    let hash = |(at, before)| shared.scenes.known_sha256(at).unwrap_or(before);
+    let file = shared.file.with_hashes(hashes.into_iter().enumerate().map(hash));
+    shared.folder.write_settings(&file)?;
     let on_part = |place: usize, part: &Part| {
         if pending.binary_search(&place).is_ok() {
             breakdown.add(part);
         }
     };
-    results::merge(&shared.folder, &shared.file, earlier.as_ref(), on_part)
+    results::merge(&shared.folder, &file, earlier.as_ref(), on_part)
         .map_err(|error| RunError::Broken { reason: error.to_string(), state: state() })?;
     shared.folder.remove_parts()?;
     Ok(Done { folder: path, breakdown })

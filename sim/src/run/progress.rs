@@ -3,7 +3,7 @@
 use results::earlier::Earlier;
 use results::folder::Folder;
 use results::parquet::ParquetError;
-use results::part::Standing;
+use results::part::{Part, Standing};
 use results::settings::RunFile;
 
 use crate::cli::Retry;
@@ -17,6 +17,8 @@ pub struct Progress {
     pub damaged: Vec<String>,
     /// What the run's files hold, if it was finished once.
     pub earlier: Option<Earlier>,
+    /// SHA-256 of each scene as it was driven, in their order; empty where none was.
+    pub hashes: Vec<String>,
 }
 
 impl Progress {
@@ -33,9 +35,11 @@ impl Progress {
             (standing.failed && retry.contains(&Retry::Failed))
                 || (standing.unrecorded && (stopped || retry.contains(&Retry::Unrecorded)))
         };
-        let mut progress = Self { pending: Vec::new(), damaged: Vec::new(), earlier };
+        let mut progress = Self { pending: Vec::new(), damaged: Vec::new(), earlier, hashes: Vec::new() };
         for (index, scene) in file.scenes.iter().enumerate() {
-            let of_part = folder.part(&scene.id)?.map(|part| part.standing());
+            let part = folder.part(&scene.id)?;
+            let of_part = part.as_ref().map(Part::standing);
+            progress.hashes.push(part.map(|part| part.scene_sha256).unwrap_or_default());
             if of_part.is_none() && folder.has_damaged_part(&scene.id) {
                 progress.damaged.push(scene.id.clone());
             }

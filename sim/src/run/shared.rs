@@ -20,6 +20,7 @@ use super::console::Console;
 use super::frames::Frames;
 use super::in_process::DrivenLogs;
 use super::process::{Groups, Process, program};
+use super::scene_index::SceneIndex;
 use super::voice::Voice;
 
 /// Who looks at each episode when it is stored, and at its files.
@@ -61,6 +62,8 @@ pub struct Shared {
     pub groups: Groups,
     /// Set when nothing more is to be begun or stored.
     pub stop: AtomicBool,
+    /// Where nodes that read the log find the scenes.
+    pub index: SceneIndex,
 }
 
 /// What drivers are reached by.
@@ -104,6 +107,7 @@ impl Shared {
             console: console.clone(),
             groups: groups.clone(),
             stop: AtomicBool::new(false),
+            index: SceneIndex::default(),
         }
     }
 

@@ -161,10 +161,8 @@ impl Worker<'_> {
         let (worker, name) = (self.name.to_string(), self.node_name());
         let which = format!("--{role}");
         let mut arguments = vec![&*which, &node.name, "--worker", &worker, "--name", &name];
-        if node.reads_log {
-            let inputs = self.shared.file.machine.scenarios.iter();
-            arguments.extend(inputs.flat_map(|input| ["--scenarios", input.as_str()]));
-        }
+        let index = if node.reads_log { Some(self.shared.index.path(&self.shared.scenes)?) } else { None };
+        arguments.extend(index.iter().flat_map(|index| ["--scenarios", index.as_str()]));
         arguments.extend(node.options.iter().map(String::as_str));
         if node.weights_sha256.is_some() {
             arguments.extend(self.shared.file.machine.weights.iter().flat_map(|path| ["--weights", path.as_str()]));
@@ -195,7 +193,7 @@ impl Worker<'_> {
         let pauses = shared.pauses();
         let begin = shared.clock.now();
         let id = &shared.scenes.entries()[scene].id;
-        let loaded = shared.scenes.load(scene);
+        let loaded = shared.scenes.load_hashed(scene);
         let load = shared.clock.now();
         let mut part = match loaded {
             Err(error) => self.unreadable(id.as_str(), &error.to_string()),
@@ -221,6 +219,7 @@ impl Worker<'_> {
                 part
             }
         };
+        part.scene_sha256 = shared.scenes.known_sha256(scene).unwrap_or_default();
         let timing = part.timing.get_or_insert_default();
         timing.worker = self.number as u32;
         timing.load = (load - begin).as_secs_f64();

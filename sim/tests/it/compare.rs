@@ -71,7 +71,11 @@ fn driver_fails(part: &mut Part) {
 
 /// A finished run of these drives in `root`/`name`.
 pub fn finished(root: &Path, name: &str, drives: &[(String, Part)], change: impl FnOnce(&mut RunFile)) {
-    let line = |(scene, _): &(String, Part)| SceneLine { id: scene.clone(), sha256: format!("content of {scene}") };
+    let line = |(scene, _): &(String, Part)| SceneLine {
+        id: scene.clone(),
+        sha256: format!("content of {scene}"),
+        fingerprint: None,
+    };
     let mut file = RunFile {
         settings: Settings {
             driver: name.to_owned(),

@@ -99,6 +99,8 @@ fn help_says_what_can_be_typed() {
           --retry <WHICH>             Drive episodes of this run again: those that failed, those whose
                                       recording is not whole, or failed,unrecorded [possible values:
                                       failed, unrecorded]
+          --verify                    Read every scene before the first is driven, so that damaged ones
+                                      are found then, and not when their turn comes
           --record <RECORD>           Which episodes to keep a recording of [default: all] [possible
                                       values: all, failures, none]
           --parallel <N>              Episodes driven at a time; results do not depend on it [default:

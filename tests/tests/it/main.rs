@@ -23,6 +23,7 @@
 //! | `open_loop.rs` | plans that are not driven are worth what the authors' test says; a frame costs no other |
 //! | `paper.rs` | under `paper` the nodes get the authors' numbers |
 //! | `real_scenes.rs` | real scenes come to a result, where they are at hand |
+//! | `scenes.rs` | damaged scenes cost their own episodes, replaced ones are noticed; nodes find packed ones |
 //! | `stage.rs`, `recording.rs` | what they share: running programs, comparing folders, reading MCAP |
 
 #![allow(clippy::unwrap_used, clippy::expect_used, missing_docs, reason = "a test may panic")]
@@ -48,6 +49,7 @@ mod recording;
 mod repeat;
 mod replay;
 mod report;
+mod scenes;
 mod side_by_side;
 mod stage;
 mod validity;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
-use scenarios::SceneSet;
+use scenarios::{SceneSet, SetError};
 use thiserror::Error;
 
 use super::cut::cut;
@@ -161,17 +161,21 @@ fn ready(
     (index, role): (usize, Role),
     progress: &(dyn Fn(usize, bool) + Sync),
 ) -> Result<Done, PrepareError> {
-    let entry = &order.set.entries()[index];
-    let (id, sha256) = (entry.id.as_str(), entry.sha256.as_str());
-    let (mut head, before) = match parts.find(id, sha256) {
+    let id = order.set.entries()[index].id.as_str();
+    let broken = |error: SetError| {
+        progress(0, false);
+        let reason = format!("{error}\nhint: {}", error.hint());
+        Ok(Done::Broken(Broken { scene: id.to_owned(), reason }))
+    };
+    let sha256 = match order.set.sha256(index) {
+        Ok(sha256) => sha256,
+        Err(error) => return broken(error),
+    };
+    let (mut head, before) = match parts.find(id, &sha256) {
         Some(head) => (head, true),
         None => match order.set.load(index) {
-            Ok((scene, _)) => (parts.put(id, sha256, &cut(&scene, &order.recipe))?, false),
-            Err(error) => {
-                progress(0, false);
-                let reason = format!("{error}\nhint: {}", error.hint());
-                return Ok(Done::Broken(Broken { scene: id.to_owned(), reason }));
-            }
+            Ok((scene, _)) => (parts.put(id, &sha256, &cut(&scene, &order.recipe))?, false),
+            Err(error) => return broken(error),
         },
     };
     // A part does not know what its scene is for.
