@@ -66,6 +66,8 @@ pub trait Effects {
     fn start_recorder(&mut self);
     /// Starts a worker's nodes, in the place of those it has.
     fn start_nodes(&mut self, worker: usize);
+    /// Makes a scene ready that somebody will drive next, if that is not under way.
+    fn prepare(&mut self, scene: usize);
     /// Drives a scene.
     fn drive(&mut self, worker: usize, drive: Drive);
     /// Tells the user something that a table cannot.
@@ -160,6 +162,7 @@ impl Core {
             effects.start_recorder();
         }
         (0..self.workers.len()).for_each(|worker| effects.start_nodes(worker));
+        self.pending.iter().take(self.workers.len()).for_each(|scene| effects.prepare(*scene));
     }
 
     /// Decides what follows from `event`.
@@ -240,6 +243,9 @@ impl Core {
                 let repeatable = self.spoiled.iter().filter(|spoiled| **spoiled == scene).count() < REPEATS;
                 effects.drive(worker, Drive { scene, record: self.recorder == Recorder::Ready, repeatable });
             }
+        }
+        if let Some(next) = self.pending.front() {
+            effects.prepare(*next);
         }
         if self.pending.is_empty() && !self.workers.contains(&Worker::Driving) {
             self.end(Ending::Complete, effects);

@@ -26,6 +26,9 @@ struct Script {
     /// By scene: how often it was driven, and whether a recorder listened.
     driven: BTreeMap<usize, Vec<bool>>,
     ready: BTreeSet<usize>,
+    /// Scenes made ready that nobody drives yet, and how many there were at most.
+    ahead: BTreeSet<usize>,
+    most_ahead: usize,
     recorder_ready: bool,
     warnings: Vec<String>,
     halted: usize,
@@ -70,7 +73,13 @@ impl Effects for Script {
         }
     }
 
+    fn prepare(&mut self, scene: usize) {
+        self.ahead.insert(scene);
+        self.most_ahead = self.most_ahead.max(self.ahead.len());
+    }
+
     fn drive(&mut self, worker: usize, Drive { scene, record, repeatable }: Drive) {
+        self.ahead.remove(&scene);
         assert!(self.ready.contains(&worker), "worker {worker} drives without nodes");
         self.driven.entry(scene).or_default().push(record);
         let fate = Self::next(&mut self.drives);
@@ -108,6 +117,7 @@ fn every_scene_is_driven_once() {
     assert!(all_once(&script, 7));
     assert!(script.driven.values().flatten().all(|recorded| *recorded));
     assert_eq!(script.halted, 1);
+    assert!((3..=4).contains(&script.most_ahead) && script.ahead.is_empty());
 }
 
 #[test]

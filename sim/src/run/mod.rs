@@ -15,6 +15,7 @@
 //! | [`in_process`] | drivers that are in this process |
 //! | [`beginning`] | episodes that are not their driver's from the first step on |
 //! | [`frames`] | no drive at all: plans at frames of the log, to be judged |
+//! | [`ready`] | the next scene, made ready while others are driven |
 //! | [`scene_index`] | where nodes that read the log find the scenes |
 //! | [`progress`] | which episodes are done, and which are to be driven |
 //! | [`bus_threads`] | the threads of the bus |
@@ -73,6 +74,7 @@ pub mod line;
 pub mod process;
 pub mod progress;
 pub mod raised;
+pub mod ready;
 pub mod recorder;
 pub mod scene_index;
 pub mod shared;
@@ -434,6 +436,12 @@ impl Effects for Machinery {
 
     fn start_nodes(&mut self, worker: usize) {
         let _ = self.workers[worker].try_send(Order::StartNodes);
+    }
+
+    fn prepare(&mut self, scene: usize) {
+        if self.shared.frames.is_none() {
+            self.shared.ahead.begin(&self.shared, scene);
+        }
     }
 
     fn drive(&mut self, worker: usize, drive: Drive) {

@@ -20,6 +20,7 @@ use super::console::Console;
 use super::frames::Frames;
 use super::in_process::DrivenLogs;
 use super::process::{Groups, Process, program};
+use super::ready::Ahead;
 use super::scene_index::SceneIndex;
 use super::voice::Voice;
 
@@ -64,6 +65,8 @@ pub struct Shared {
     pub stop: AtomicBool,
     /// Where nodes that read the log find the scenes.
     pub index: SceneIndex,
+    /// Scenes that are made ready while others are driven.
+    pub ahead: Ahead,
 }
 
 /// What drivers are reached by.
@@ -108,6 +111,7 @@ impl Shared {
             groups: groups.clone(),
             stop: AtomicBool::new(false),
             index: SceneIndex::default(),
+            ahead: Ahead::default(),
         }
     }
 

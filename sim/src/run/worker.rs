@@ -24,6 +24,7 @@ use super::core::{Drive, Event};
 use super::drive::{Driven, drive};
 use super::line::LineDriver;
 use super::process::{self, Process};
+use super::ready::{Prepared, Ready};
 use super::shared::Shared;
 use super::shell;
 use super::witness::Witness;
@@ -193,17 +194,13 @@ impl Worker<'_> {
         let pauses = shared.pauses();
         let begin = shared.clock.now();
         let id = &shared.scenes.entries()[scene].id;
-        let loaded = shared.scenes.load_hashed(scene);
-        let load = shared.clock.now();
-        let mut part = match loaded {
+        let ready = shared.ahead.take(scene).unwrap_or_else(|| Ready::new(shared, scene));
+        let mut part = match ready.scene {
             Err(error) => self.unreadable(id.as_str(), &error.to_string()),
-            Ok((scene, findings)) => {
+            Ok(Prepared { scene, lints, begun, prepare }) => {
                 let _log = shared.logs.open(&scene);
-                let lints = lint::lint(&scene, &findings);
                 lints.iter().for_each(|lint| tracing::debug!(scene = %id, "{lint}"));
                 let protocol = &shared.file.settings.protocol;
-                let begun = shared.beginnings.of(id.as_str()).begin(&scene, protocol);
-                let prepare = shared.clock.now() - load;
                 let mut part = match begun {
                     Err(NotBegun::Undrivable(error)) => self.without_drive(error.end(&scene, protocol)),
                     Err(NotBegun::Scene(error)) => self.unreadable(id.as_str(), &error.to_string()),
@@ -222,7 +219,7 @@ impl Worker<'_> {
         part.scene_sha256 = shared.scenes.known_sha256(scene).unwrap_or_default();
         let timing = part.timing.get_or_insert_default();
         timing.worker = self.number as u32;
-        timing.load = (load - begin).as_secs_f64();
+        timing.load = ready.load.as_secs_f64();
         timing.wall = (shared.clock.now() - begin).as_secs_f64();
         if shared.stop.load(Ordering::Relaxed) {
             return None;
