@@ -3,6 +3,7 @@
 use wire::proto;
 
 use crate::origin::Origin;
+use crate::outline::outline;
 use crate::palette::{self, Rgba};
 
 /// Every how many samples of 0.1 m the route is drawn.
@@ -72,5 +73,6 @@ fn points(x: &[f64], y: &[f64], z: &[f64], stride: usize, origin: &Origin) -> Ve
     let columns = x.iter().zip(y).zip(z);
     let last = columns.len().saturating_sub(1);
     let kept = columns.enumerate().filter(|(index, _)| index % stride == 0 || *index == last);
-    kept.map(|(_, ((x, y), z))| origin.place(*x, *y, *z)).collect()
+    let points: Vec<_> = kept.map(|(_, ((x, y), z))| origin.place(*x, *y, *z)).collect();
+    outline(&points)
 }

@@ -16,7 +16,7 @@
 //! | [`desk`], [`record`] | the process on the bus |
 //! | [`export`], [`info`] | from a file: the drawing, what it holds |
 //! | [`fuzzing`] | what any input must keep |
-//! | [`layers`], [`strokes`], [`contacts`], [`origin`], [`palette`] | what both kinds of file draw alike |
+//! | [`layers`], [`strokes`], [`outline`], [`contacts`], [`origin`], [`palette`] | what both kinds of file draw alike |
 
 pub mod contacts;
 pub mod desk;
@@ -27,6 +27,7 @@ pub mod layers;
 pub mod mcap;
 pub mod message;
 pub mod origin;
+pub mod outline;
 pub mod palette;
 pub mod partial_file;
 pub mod record;

@@ -3,33 +3,42 @@
 use wire::proto;
 
 use crate::origin::Origin;
+use crate::outline::outline;
 
-/// Every how many poses of 0.1 s a prediction is drawn: a viewer cannot tell, and files shrink to a fifth.
+/// Every how many poses of 0.1 s a prediction is drawn at most.
 const PREDICTION_STRIDE: usize = 5;
 
 /// Predictions that stay within this distance (m) are not drawn: parked cars would be dots of noise.
-const STILL: f32 = 0.5;
+const STILL: f64 = 0.5;
 
 /// The plan's states at a height (m, the log's frame).
 #[must_use]
 pub fn plan(plan: &proto::Plan, height: f64, origin: &Origin) -> Vec<[f32; 3]> {
-    plan.states.iter().map(|state| origin.place(state.x, state.y, height)).collect()
+    let points: Vec<_> = plan.states.iter().map(|state| origin.place(state.x, state.y, height)).collect();
+    outline(&points)
 }
 
 /// The trajectories of a future that lead anywhere, at a height (m, the log's frame).
 #[must_use]
 pub fn future(future: &proto::Future, height: f64, origin: &Origin) -> Vec<Vec<[f32; 3]>> {
-    let line = |trajectory: &proto::PredictedTrajectory| -> Vec<[f32; 3]> {
+    let mut points = Vec::new();
+    let mut line = |trajectory: &proto::PredictedTrajectory| {
         let poses = trajectory.x.iter().zip(&trajectory.y);
         let last = poses.len().saturating_sub(1);
         let kept = poses.enumerate().filter(|(index, _)| index % PREDICTION_STRIDE == 0 || *index == last);
-        kept.map(|(_, (x, y))| origin.place(*x, *y, height)).collect()
+        points.clear();
+        points.extend(kept.map(|(_, (x, y))| origin.place(*x, *y, height)));
+        outline(&points)
     };
-    let leads_anywhere = |points: &Vec<[f32; 3]>| match (points.first(), points.last()) {
-        (Some(first), Some(last)) => (first[0] - last[0]).abs() + (first[1] - last[1]).abs() > STILL,
-        _ => false,
-    };
-    future.trajectories.iter().map(line).filter(leads_anywhere).collect()
+    future.trajectories.iter().filter(|trajectory| leads_anywhere(trajectory)).map(&mut line).collect()
+}
+
+fn leads_anywhere(trajectory: &proto::PredictedTrajectory) -> bool {
+    let ways = [&trajectory.x, &trajectory.y].map(|values| match values[..] {
+        [first, .., last] => (last - first).abs(),
+        _ => 0.0,
+    });
+    ways[0] + ways[1] > STILL
 }
 
 /// What an agent is, in a word.

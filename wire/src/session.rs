@@ -217,12 +217,24 @@ pub(crate) fn publisher(session: &Session, key: String) -> Result<Publisher<'sta
 /// # Errors
 /// [`SessionError::Bus`] where the session is closed.
 pub fn send(session: &Session, key: &str, payload: impl Into<ZBytes>) -> Result<(), SessionError> {
+    put(session, key, payload.into(), true)
+}
+
+/// Sends it likewise, but on one journey with what follows within a millisecond.
+///
+/// # Errors
+/// As [`send`].
+pub(crate) fn send_together(session: &Session, key: &str, payload: impl Into<ZBytes>) -> Result<(), SessionError> {
+    put(session, key, payload.into(), false)
+}
+
+fn put(session: &Session, key: &str, payload: ZBytes, at_once: bool) -> Result<(), SessionError> {
     session
         .put(key, payload)
         // One priority for all: messages of different priorities overtake each other.
         .priority(Priority::RealTime)
         .congestion_control(CongestionControl::Block)
-        .express(true)
+        .express(at_once)
         .wait()
         .map_err(SessionError::bus("send"))
 }

@@ -13,7 +13,7 @@ use mcap::{Compression, McapError, WriteOptions};
 /// Uncompressed size at which a chunk is closed: what a killed recorder loses at most. About twelve steps of a busy scene.
 const CHUNK_BYTES: u64 = 1 << 20;
 
-/// Fast; observations of successive steps repeat so much that a higher level gains little.
+/// Of drives of 20 s with predictions level 3 leaves a tenth less and takes two thirds more time; of drives without, a twentieth.
 const COMPRESSION_LEVEL: u32 = 1;
 
 const LIBRARY: &str = concat!("reloop ", env!("CARGO_PKG_VERSION"));

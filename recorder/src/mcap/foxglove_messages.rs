@@ -3,6 +3,8 @@
 //! Each channel's message holds the whole state of what it shows (it deletes what was there before), so that a viewer may jump
 //! to any time and needs the last message of each channel alone.
 
+use std::fmt::{self, Write as _};
+
 use foxglove::messages::line_primitive::Type as LineType;
 use foxglove::messages::log::Level;
 use foxglove::messages::scene_entity_deletion::Type as DeletionType;
@@ -52,21 +54,41 @@ pub fn map(scene: &proto::Scene, origin: &Origin) -> SceneUpdate {
 }
 
 /// All agents that are seen, a box each, in an entity that names the track; a text too over those that the AV touched. Those that
-/// are supposed are paler.
-#[must_use]
-pub fn agents(step: u32, agents: &[proto::Agent], contacts: &Contacts, origin: &Origin) -> SceneUpdate {
-    let entities = agents.iter().filter_map(|agent| {
-        let (kind, state, mark) = (agent.kind(), agent.state.as_ref()?, contacts.mark(agent.track));
+/// are supposed are paler. Drawn over the agents of the step before: most are there again, and to make an entity costs more than to write it.
+pub fn agents(update: &mut SceneUpdate, step: u32, agents: &[proto::Agent], contacts: &Contacts, origin: &Origin) {
+    update.deletions.clear();
+    update.deletions.push(everything(step));
+    let seen = agents.iter().filter_map(|agent| Some((agent, agent.state.as_ref()?)));
+    let mut drawn = 0;
+    for (agent, state) in seen {
+        if drawn == update.entities.len() {
+            update.entities.push(entity(step, String::new()));
+        }
+        let (kind, mark, entity) = (agent.kind(), contacts.mark(agent.track), &mut update.entities[drawn]);
+        drawn += 1;
         let rgba = mark.map_or(palette::agent(kind), |(rgba, _)| *rgba);
-        let cube = cube(state, if agent.unseen > 0 { palette::supposed(rgba) } else { rgba }, origin);
-        let texts = mark.iter().map(|(rgba, label)| text_above(state, label, *rgba, origin)).collect();
-        let entity = entity(step, format!("agent/{}", agent.track));
-        let pair = |key: &str, value: String| KeyValuePair { key: key.to_owned(), value };
-        let mut metadata = vec![pair("kind", strokes::kind_name(kind).to_owned())];
-        metadata.extend((agent.unseen > 0).then(|| pair("unseen_steps", agent.unseen.to_string())));
-        Some(SceneEntity { cubes: vec![cube], texts, metadata, ..entity })
-    });
-    whole_state(step, entities.collect())
+        entity.timestamp = Some(timestamp(step));
+        write(&mut entity.id, format_args!("agent/{}", agent.track));
+        entity.cubes.clear();
+        entity.cubes.push(cube(state, if agent.unseen > 0 { palette::supposed(rgba) } else { rgba }, origin));
+        entity.texts.clear();
+        entity.texts.extend(mark.map(|(rgba, label)| text_above(state, label, *rgba, origin)));
+        entity.metadata.resize_with(if agent.unseen > 0 { 2 } else { 1 }, KeyValuePair::default);
+        let kind = ("kind", format_args!("{}", strokes::kind_name(kind)));
+        let unseen = ("unseen_steps", format_args!("{}", agent.unseen));
+        for (pair, (key, value)) in entity.metadata.iter_mut().zip([kind, unseen]) {
+            write(&mut pair.key, format_args!("{key}"));
+            write(&mut pair.value, value);
+        }
+    }
+    update.entities.truncate(drawn);
+}
+
+/// Puts a text in the place of what was there.
+fn write(text: &mut String, what: fmt::Arguments<'_>) {
+    text.clear();
+    // Nothing that is written here fails.
+    let _ = text.write_fmt(what);
 }
 
 /// Where the log has the AV, if it has.
@@ -143,9 +165,11 @@ pub fn log(step: u32, level: Level, name: &str, message: String) -> Log {
 }
 
 fn whole_state(step: u32, entities: Vec<SceneEntity>) -> SceneUpdate {
-    let deletion =
-        SceneEntityDeletion { timestamp: Some(timestamp(step)), r#type: DeletionType::All as i32, id: String::new() };
-    SceneUpdate { deletions: vec![deletion], entities }
+    SceneUpdate { deletions: vec![everything(step)], entities }
+}
+
+fn everything(step: u32) -> SceneEntityDeletion {
+    SceneEntityDeletion { timestamp: Some(timestamp(step)), r#type: DeletionType::All as i32, id: String::new() }
 }
 
 fn entity(step: u32, id: String) -> SceneEntity {

@@ -26,6 +26,8 @@ pub struct EpisodeWriter {
     /// The AV after the last step: no observation follows that would show it.
     last: Option<(u32, proto::AgentState, Option<proto::AgentState>)>,
     contacts: Contacts,
+    /// As they were drawn last.
+    agents: SceneUpdate,
     scratch: Vec<u8>,
 }
 
@@ -75,8 +77,17 @@ impl EpisodeWriter {
             // New ones come last: the numbers of schemas and channels stay.
             logged_av: add::<SceneUpdate>(&mut encoder, "/view/logged_av")?,
         };
-        let (origin, contacts) = (Origin::default(), Contacts::default());
-        Ok(Self { encoder, own, shown, origin, height: 0.0, last: None, contacts, scratch: Vec::new() })
+        Ok(Self {
+            encoder,
+            own,
+            shown,
+            origin: Origin::default(),
+            height: 0.0,
+            last: None,
+            contacts: Contacts::default(),
+            agents: SceneUpdate::default(),
+            scratch: Vec::new(),
+        })
     }
 
     /// Writes the next message, and what shows it.
@@ -166,8 +177,8 @@ impl EpisodeWriter {
     }
 
     fn show_agents(&mut self, step: u32, agents: &[proto::Agent]) -> Result<(), McapError> {
-        let agents = show::agents(step, agents, &self.contacts, &self.origin);
-        self.put(self.shown.agents, step, &agents)
+        show::agents(&mut self.agents, step, agents, &self.contacts, &self.origin);
+        put(&mut self.encoder, &mut self.scratch, self.shown.agents, step, &self.agents)
     }
 
     fn show_av(
@@ -185,8 +196,18 @@ impl EpisodeWriter {
     }
 
     fn put(&mut self, channel: ChannelId, step: u32, message: &impl prost::Message) -> Result<(), McapError> {
-        self.scratch.clear();
-        message.encode_raw(&mut self.scratch);
-        self.encoder.write(channel, u64::from(step) * STEP_NANOSECONDS, &self.scratch)
+        put(&mut self.encoder, &mut self.scratch, channel, step, message)
     }
+}
+
+fn put(
+    encoder: &mut Encoder,
+    scratch: &mut Vec<u8>,
+    channel: ChannelId,
+    step: u32,
+    message: &impl prost::Message,
+) -> Result<(), McapError> {
+    scratch.clear();
+    message.encode_raw(scratch);
+    encoder.write(channel, u64::from(step) * STEP_NANOSECONDS, scratch)
 }

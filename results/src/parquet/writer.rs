@@ -23,7 +23,7 @@ const ROW_GROUP: usize = 1 << 17;
 const PILE: usize = 64;
 
 /// Rows that are enough for a pile, of however few batches.
-const PILE_ROWS: usize = 1 << 14;
+const PILE_ROWS: usize = 1 << 11;
 
 /// A file on its way, the same bytes for the same batches. The rows of the open row group wait in a scratch file, to be encoded column by
 /// column when it is full: rows in memory need 40 MB, and encoders of all columns at once thrice that, each with a dictionary of its own.

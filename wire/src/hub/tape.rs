@@ -17,11 +17,16 @@ use zenoh::sample::Locality;
 use zenoh::{Session, Wait};
 
 use super::lock;
-use crate::keys::{Address, Place};
+use crate::keys::{Address, Channel, Place};
 use crate::session::{self, SessionError};
 
 /// Bytes that may wait: some five episodes.
 const QUEUE_BYTES: usize = 64 * 1024 * 1024;
+
+/// Messages set out together: those of so many bytes, those of so long, or when an episode ends, for whose recording the sim waits. Each journey
+/// wakes three threads in two processes, and a step has three messages or four.
+const TOGETHER_BYTES: usize = 128 * 1024;
+const TOGETHER: Duration = Duration::from_millis(10);
 
 /// The queue's near end.
 pub(super) struct Tape {
@@ -55,6 +60,10 @@ struct Queue {
 struct State {
     messages: VecDeque<(Address, ZBytes)>,
     bytes: usize,
+    /// They have set out: all that waits is sent.
+    under_way: bool,
+    /// Workers that wait for room.
+    without_room: usize,
     /// Nothing comes any more: the thread ends when it has sent the rest.
     closed: bool,
 }
@@ -78,7 +87,7 @@ impl Tape {
                 let listeners = lock(&to).clone();
                 for Listener { place, cut_off } in listeners {
                     let begin = Instant::now();
-                    if let Err(e) = session::send(&session, &place.tape(&address), payload.clone()) {
+                    if let Err(e) = session::send_together(&session, &place.tape(&address), payload.clone()) {
                         tracing::error!("{} of {} is not told: {e}", address.channel.name(), address.scene);
                     }
                     // The transport waited in vain, and closes the connection; that the node's token goes with it takes the node's help.
@@ -124,11 +133,19 @@ impl Tape {
                 }
                 return;
             }
+            state.without_room += 1;
             state = self.queue.changed.wait_timeout(state, left).unwrap_or_else(PoisonError::into_inner).0;
+            state.without_room -= 1;
         }
+        let was_empty = state.messages.is_empty();
+        let is_end = messages.iter().any(|(address, _)| address.channel == Channel::End);
         state.bytes += bytes;
         state.messages.extend(messages);
-        self.queue.changed.notify_all();
+        let sets_out = !state.under_way && (is_end || state.bytes >= TOGETHER_BYTES);
+        state.under_way |= sets_out;
+        if was_empty || sets_out {
+            self.queue.changed.notify_all();
+        }
     }
 }
 
@@ -147,15 +164,26 @@ impl Queue {
     fn take(&self) -> Option<(Address, ZBytes)> {
         let mut state = lock(&self.state);
         loop {
-            if let Some((address, payload)) = state.messages.pop_front() {
-                state.bytes -= payload.len();
-                self.changed.notify_all();
-                return Some((address, payload));
-            }
-            if state.closed {
+            if state.messages.is_empty() && state.closed {
                 return None;
             }
-            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+            if state.under_way || state.closed {
+                if let Some((address, payload)) = state.messages.pop_front() {
+                    state.bytes -= payload.len();
+                    if state.without_room > 0 {
+                        self.changed.notify_all();
+                    }
+                    return Some((address, payload));
+                }
+                state.under_way = false;
+            }
+            if state.messages.is_empty() {
+                state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+            } else {
+                let waited = self.changed.wait_timeout(state, TOGETHER).unwrap_or_else(PoisonError::into_inner);
+                state = waited.0;
+                state.under_way |= waited.1.timed_out();
+            }
         }
     }
 }
