@@ -1,7 +1,11 @@
 //! The messages of a recording that are our own, one after the other.
 
+use std::borrow::Cow;
+
 use recording::{Event, NotMcap, Reader, TOPICS};
 use thiserror::Error;
+use wire::convert::compact;
+use wire::keys::Channel;
 
 /// A recording that cannot be taken at its word.
 #[derive(Debug, Error)]
@@ -34,7 +38,9 @@ pub(crate) fn messages(
         };
         let topic = &message.channel.topic;
         let Some(name) = topic.strip_prefix(TOPICS) else { continue };
-        tell(name, message.data).map_err(|why| RecordedError::Message { topic: topic.clone(), at: message.at, why })?;
+        let is_prediction = name == Channel::Prediction.name();
+        let told = if is_prediction { compact::unpack(message.data) } else { Cow::Borrowed(message.data) };
+        tell(name, &told).map_err(|why| RecordedError::Message { topic: topic.clone(), at: message.at, why })?;
     }
     Ok(())
 }

@@ -7,7 +7,7 @@ use world::observation::Briefing;
 use world::plan::{UncheckedPlan, UncheckedPrediction};
 use world::reference_line::ReferenceLine;
 
-use crate::convert::{self, Message, MessageError, decode, shown};
+use crate::convert::{self, Message, MessageError, compact, decode, shown};
 use crate::envelope::{Content, Saying, Telling, open, seal};
 use crate::keys::{Address, Answering, NodeId, Place, Workers};
 use crate::proto;
@@ -52,6 +52,19 @@ pub fn prediction(bytes: &[u8]) {
     if let Some(prediction) = usual {
         let step = prediction.step;
         let _ = prediction.check(step);
+    }
+    recorded_prediction(bytes);
+}
+
+/// Any bytes as a prediction in a recording: what is unpacked is packed to what leads back to it.
+///
+/// # Panics
+/// If that does not hold.
+pub fn recorded_prediction(bytes: &[u8]) {
+    let told = compact::unpack(bytes);
+    let Ok(prediction) = decode::<proto::Prediction>(&told) else { return };
+    if let Some(packed) = compact::pack(&prediction, &told) {
+        assert_eq!(compact::unpack(&packed), told);
     }
 }
 

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use recording::{Damage, Event, Fault, LoadError, METADATA, METADATA_SETTINGS, NotMcap, Reader};
 use thiserror::Error;
+use wire::convert::compact;
 use wire::proto;
 use world::observation::{Briefing, Observation};
 use world::plan::{Plan, Prediction, UncheckedPlan, UncheckedPrediction};
@@ -153,7 +154,7 @@ pub fn step_of(bytes: &[u8], path: &Path, step: u32) -> Result<RecordedStep, Rec
                 Some(Ok(seen)) => observation = observation.or(Some(seen).filter(|seen| seen.step == step)),
                 Some(Err(what)) => drop(damage.get_or_insert(misread(what))),
             },
-            PREDICTION => match decoded::<proto::Prediction, UncheckedPrediction>(data) {
+            PREDICTION => match decoded::<proto::Prediction, UncheckedPrediction>(&compact::unpack(data)) {
                 Ok(expected) if expected.step == step => {
                     prediction = Some(expected.check(step).map_err(|e| wrong(PREDICTION, e.to_string()))?);
                 }

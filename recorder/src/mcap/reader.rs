@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use recording::{Damage, Event, Fault, METADATA, METADATA_RUN, METADATA_SETTINGS, NotMcap, Reader, TOPICS};
 use thiserror::Error;
+use wire::convert::compact;
 use wire::keys::Channel;
 
 use crate::message::{CHANNELS, Message, STEP_NANOSECONDS};
@@ -114,7 +115,12 @@ pub fn read(bytes: &[u8], mut hear: impl FnMut(Message)) -> Result<Contents, Rea
                 contents.last_step = contents.last_step.max(message.log_time / STEP_NANOSECONDS);
                 contents.count(topic, message.data.len());
                 let Some(channel) = own(topic) else { continue };
-                match Message::decode(channel, message.data.to_vec()) {
+                let told = if channel == Channel::Prediction {
+                    compact::unpack(message.data).into_owned()
+                } else {
+                    message.data.to_vec()
+                };
+                match Message::decode(channel, told) {
                     Ok(message) => hear(message),
                     Err(error) => {
                         let fault = Fault::Message { topic: topic.clone(), why: error.to_string() };

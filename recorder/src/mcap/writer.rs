@@ -5,6 +5,7 @@ use foxglove::messages::log::Level;
 use foxglove::messages::{FrameTransforms, Log, SceneUpdate};
 use mcap::McapError;
 use recording::{METADATA, METADATA_RUN, METADATA_SETTINGS, TOPICS};
+use wire::convert::compact;
 use wire::proto;
 
 use super::file::{ChannelId, Encoder};
@@ -97,7 +98,12 @@ impl EpisodeWriter {
     pub fn write(&mut self, message: &Message) -> Result<(), McapError> {
         let channel = message.channel();
         if let Some(place) = CHANNELS.iter().position(|known| *known == channel) {
-            self.encoder.write(self.own[place], message.log_time(), &message.payload)?;
+            let packed = match &message.body {
+                Body::Prediction(prediction) => compact::pack(prediction, &message.payload),
+                _ => None,
+            };
+            let payload = packed.as_ref().unwrap_or(&message.payload);
+            self.encoder.write(self.own[place], message.log_time(), payload)?;
         }
         self.show(message)
     }

@@ -40,7 +40,7 @@ fn info_says_up_to_where_a_cut_file_goes() {
 #[test]
 fn a_recording_with_a_flipped_bit_is_damaged_and_not_cut_off() {
     let folder = tempfile::tempdir().unwrap();
-    let mut bytes = mcap_of(&synthetic::episode("crossing-1", Size { agents: 40, steps: 60, futures: 1 }));
+    let mut bytes = mcap_of(&synthetic::episode("crossing-1", Size { agents: 40, steps: 150, futures: 2 }));
     let place = bytes.len() / 2;
     bytes[place] ^= 0x10;
     std::fs::write(folder.path().join("a.mcap"), bytes).unwrap();

@@ -154,7 +154,7 @@ fn a_flipped_bit_is_noticed() {
 
 #[test]
 fn one_damaged_chunk_costs_its_own_messages_and_no_others() {
-    let episode = synthetic::episode("s", Size { agents: 40, steps: 60, futures: 1 });
+    let episode = synthetic::episode("s", Size { agents: 40, steps: 150, futures: 2 });
     let mut bytes = mcap_of(&episode);
     let place = bytes.len() / 2;
     bytes[place] ^= 0x10;

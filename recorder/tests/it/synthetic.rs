@@ -268,6 +268,7 @@ fn prediction(step: u32, size: Size) -> proto::Prediction {
                 x: at(state.velocity_x, state.x),
                 y: at(state.velocity_y, state.y),
                 heading: vec![state.heading; 50],
+                ..Default::default()
             }
         };
         let probability = [0.7, 0.3, 0.1][number.min(2)];

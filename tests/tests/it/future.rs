@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use prost::Message;
+use recorder::origin::Origin;
 use scenarios::SceneSet;
 use scenarios::generated::FAMILIES;
 use wire::proto::{Agent, AgentState, Observation, StepRecord};
@@ -99,11 +100,14 @@ struct Log {
 }
 
 impl Log {
-    /// As the log has them, or as pictures draw them: in single precision, from `origin`.
-    fn of(scene: &Scene, origin: Option<(f64, f64)>) -> Self {
+    /// As the log has them, or as pictures draw them from `origin`.
+    fn of(scene: &Scene, origin: Option<Origin>) -> Self {
         let place = |x: f64, y: f64| match origin {
             None => (x.to_bits(), y.to_bits()),
-            Some((ox, oy)) => (f64::from((x - ox) as f32).to_bits(), f64::from((y - oy) as f32).to_bits()),
+            Some(origin) => {
+                let [x, y, _] = origin.place(x, y, 0.0).map(|part| f64::from(part).to_bits());
+                (x, y)
+            }
         };
         let (mut first, mut steady) = (BTreeMap::new(), BTreeSet::new());
         for track in scene.tracks() {
@@ -148,7 +152,7 @@ impl Log {
 fn futures(scene: &Scene, start: usize, recording: &[Recorded]) -> Vec<(String, usize, usize)> {
     let av = scene.av().states[start - 1].expect("the AV is there before the drive");
     let exact = Log::of(scene, None);
-    let drawn = Log::of(scene, Some((av.x.round(), av.y.round())));
+    let drawn = Log::of(scene, Some(Origin { x: av.x.round(), y: av.y.round(), z: 0.0 }));
     let mut now = start - 1;
     let mut found = Vec::new();
     for message in recording {
@@ -240,6 +244,7 @@ fn a_planted_future_is_found() {
                 x: vec![1.0, x],
                 y: vec![2.0, y],
                 heading: vec![],
+                ..Default::default()
             }],
             ..Default::default()
         }],
@@ -247,8 +252,9 @@ fn a_planted_future_is_found() {
     };
     let exact = Log::of(&scene, None);
     assert_eq!(exact.future_in(&columns.encode_to_vec(), start, false), Some(start + 1));
-    let drawn = Log::of(&scene, Some((3.0, 4.0)));
-    let shown =
-        wire::proto::PlanState { x: f64::from((x - 3.0) as f32), y: f64::from((y - 4.0) as f32), ..Default::default() };
+    let origin = Origin { x: 3.0, y: 4.0, z: 0.0 };
+    let drawn = Log::of(&scene, Some(origin));
+    let [x, y, _] = origin.place(x, y, 0.0).map(f64::from);
+    let shown = wire::proto::PlanState { x, y, ..Default::default() };
     assert_eq!(drawn.future_in(&shown.encode_to_vec(), start, false), Some(start + 1));
 }

@@ -3,11 +3,13 @@
 use std::fs;
 use std::path::Path;
 
+use wire::convert::compact;
+
 /// A message of a recording.
 pub struct Recorded {
     /// The channel's topic.
     pub topic: String,
-    /// The payload.
+    /// The payload; of a prediction, as it travelled.
     pub bytes: Vec<u8>,
 }
 
@@ -17,7 +19,9 @@ pub fn messages(path: &Path) -> Vec<Recorded> {
     let stream = mcap::MessageStream::new(&file).unwrap();
     let messages = stream.map(|message| {
         let message = message.unwrap();
-        Recorded { topic: message.channel.topic.clone(), bytes: message.data.into_owned() }
+        let (topic, bytes) = (message.channel.topic.clone(), message.data.into_owned());
+        let bytes = if topic == "/reloop/prediction" { compact::unpack(&bytes).into_owned() } else { bytes };
+        Recorded { topic, bytes }
     });
     messages.collect()
 }

@@ -98,6 +98,7 @@ impl From<&UncheckedPrediction> for proto::Prediction {
             x: t.poses.iter().map(|pose| pose.x).collect(),
             y: t.poses.iter().map(|pose| pose.y).collect(),
             heading: t.poses.iter().map(|pose| pose.heading).collect(),
+            ..Default::default()
         };
         let future = |f: &Future| proto::Future {
             probability: f.probability,

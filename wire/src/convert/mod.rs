@@ -9,9 +9,11 @@
 //! | `observation` | observations |
 //! | `answers` | plans and predictions |
 //! | `packed` | predictions, read fast |
+//! | [`compact`] | predictions, as recordings hold them |
 
 mod agents;
 mod answers;
+pub mod compact;
 mod map;
 mod observation;
 mod packed;

@@ -96,7 +96,8 @@ mod tests {
 
     fn message() -> proto::Prediction {
         let column = |from: f64| (0..50).map(|k| from + f64::from(k)).collect::<Vec<f64>>();
-        let trajectory = proto::PredictedTrajectory { track: 7, x: column(1.0), y: column(-2.0), heading: column(0.0) };
+        let [x, y, heading] = [1.0, -2.0, 0.0].map(column);
+        let trajectory = proto::PredictedTrajectory { track: 7, x, y, heading, ..Default::default() };
         let future = proto::Future { probability: 0.5, trajectories: vec![trajectory; 3] };
         proto::Prediction { step: 3, futures: vec![future; 2], cost_weights: vec![1.0, 2.0], ..Default::default() }
     }

@@ -374,7 +374,13 @@ fn a_negative_zero_arrives_as_zero_whatever_library_sent_it() {
         let term = proto::ObjectiveTerm { name: "t".to_owned(), value: zero };
         let plan =
             proto::Plan { states: vec![state], controls: vec![control], objective: vec![term], ..Default::default() };
-        let trajectory = proto::PredictedTrajectory { track: 1, x: vec![zero], y: vec![zero], heading: vec![zero] };
+        let trajectory = proto::PredictedTrajectory {
+            track: 1,
+            x: vec![zero],
+            y: vec![zero],
+            heading: vec![zero],
+            ..Default::default()
+        };
         let future = proto::Future { probability: zero, trajectories: vec![trajectory] };
         let prediction = proto::Prediction {
             futures: vec![future],
