@@ -3,6 +3,7 @@
 //!
 //! ```text
 //! recorder:  starting ──▶ ready ──lost──▶ starting ──lost too often──▶ given up (the run goes on, unrecorded)
+//!                           └──missed──▶ lost soon
 //! worker:    starting ──▶ idle ──▶ driving ──▶ idle            every episode starts from a recorder and nodes that are
 //!               ▲                    │ driver failed           known to be there: that is the start barrier
 //!               └────────────────────┘
@@ -35,6 +36,8 @@ pub enum Event {
         driver_failed: bool,
         /// Whether the recorder has all of it.
         recorded: bool,
+        /// The recorder that was gone or mute at its end: that one will be told as lost, and until then no other episode begins.
+        missed: Option<u32>,
     },
     /// An episode failed while this program stood still: that says nothing of the driver, and is not stored.
     Disturbed {
@@ -54,8 +57,8 @@ pub enum Event {
 pub struct Drive {
     /// Its place in the set.
     pub scene: usize,
-    /// Whether a recorder listens.
-    pub record: bool,
+    /// The number of the recorder that listens, if one does: how many were lost before it.
+    pub recorder: Option<u32>,
     /// Whether it will be driven again if a pause of this program spoils it.
     pub repeatable: bool,
 }
@@ -92,6 +95,8 @@ enum Recorder {
     NotWanted,
     Starting,
     Ready,
+    /// A worker found it gone: its loss will be told.
+    Missed,
     GivenUp,
 }
 
@@ -114,6 +119,8 @@ pub struct Core {
     worker_losses: Vec<u32>,
     /// What the recorder is at.
     recorder: Recorder,
+    /// How many recorders were lost before the present one.
+    recorder_number: u32,
     /// How often the recorder was lost since it last had an episode whole.
     recorder_losses: u32,
     /// Scenes that a pause spoiled, as often as it did.
@@ -134,6 +141,7 @@ impl Core {
             workers: vec![Worker::Starting; workers],
             worker_losses: vec![0; workers],
             recorder: if record { Recorder::Starting } else { Recorder::NotWanted },
+            recorder_number: 0,
             recorder_losses: 0,
             spoiled: Vec::new(),
             proven: false,
@@ -174,7 +182,10 @@ impl Core {
             Event::Interrupted => return self.end(Ending::Interrupted, effects),
             Event::Broken(reason) => return self.end(Ending::Broken(reason), effects),
             Event::RecorderReady => self.recorder = Recorder::Ready,
-            Event::RecorderLost(reason) => self.recorder_lost(reason, effects),
+            Event::RecorderLost(reason) => {
+                self.recorder_number += 1;
+                self.recorder_lost(reason, effects);
+            }
             Event::NodesReady(worker) => {
                 self.workers[worker] = Worker::Idle;
                 self.worker_losses[worker] = 0;
@@ -187,10 +198,13 @@ impl Core {
                 self.workers[worker] = Worker::Starting;
                 effects.start_nodes(worker);
             }
-            Event::Driven { worker, driver_failed, recorded } => {
+            Event::Driven { worker, driver_failed, recorded, missed } => {
                 self.proven = true;
                 if recorded {
                     self.recorder_losses = 0;
+                }
+                if self.recorder == Recorder::Ready && missed == Some(self.recorder_number) {
+                    self.recorder = Recorder::Missed;
                 }
                 self.workers[worker] = Worker::Idle;
                 if driver_failed && !self.pending.is_empty() {
@@ -232,16 +246,17 @@ impl Core {
 
     /// Hands scenes to whoever is free.
     fn dispatch(&mut self, effects: &mut impl Effects) {
-        if self.ending.is_some() || self.recorder == Recorder::Starting {
+        if self.ending.is_some() || matches!(self.recorder, Recorder::Starting | Recorder::Missed) {
             return;
         }
+        let recorder = (self.recorder == Recorder::Ready).then_some(self.recorder_number);
         for worker in 0..self.workers.len() {
             if self.workers[worker] == Worker::Idle
                 && let Some(scene) = self.pending.pop_front()
             {
                 self.workers[worker] = Worker::Driving;
                 let repeatable = self.spoiled.iter().filter(|spoiled| **spoiled == scene).count() < REPEATS;
-                effects.drive(worker, Drive { scene, record: self.recorder == Recorder::Ready, repeatable });
+                effects.drive(worker, Drive { scene, recorder, repeatable });
             }
         }
         if let Some(next) = self.pending.front() {

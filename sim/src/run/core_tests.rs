@@ -78,10 +78,10 @@ impl Effects for Script {
         self.most_ahead = self.most_ahead.max(self.ahead.len());
     }
 
-    fn drive(&mut self, worker: usize, Drive { scene, record, repeatable }: Drive) {
+    fn drive(&mut self, worker: usize, Drive { scene, recorder, repeatable }: Drive) {
         self.ahead.remove(&scene);
         assert!(self.ready.contains(&worker), "worker {worker} drives without nodes");
-        self.driven.entry(scene).or_default().push(record);
+        self.driven.entry(scene).or_default().push(recorder.is_some());
         let fate = Self::next(&mut self.drives);
         let driver_failed = fate != Fate::Well;
         if driver_failed {
@@ -90,7 +90,7 @@ impl Effects for Script {
         if fate == Fate::IsSpoiled && repeatable {
             return self.events.push_back(Event::Disturbed { worker, scene });
         }
-        self.events.push_back(Event::Driven { worker, driver_failed, recorded: record });
+        self.events.push_back(Event::Driven { worker, driver_failed, recorded: recorder.is_some(), missed: None });
     }
 
     fn warn(&mut self, text: &str) {
@@ -191,7 +191,7 @@ fn a_lost_recorder_is_started_again_and_then_gone_without() {
     core.on(Event::NodesReady(0), &mut script);
     script.recorders = fails(TRIES as usize);
     script.events = [Event::RecorderLost("killed".to_owned())].into();
-    script.events.push_back(Event::Driven { worker: 0, driver_failed: false, recorded: false });
+    script.events.push_back(Event::Driven { worker: 0, driver_failed: false, recorded: false, missed: None });
     while core.ending().is_none() {
         let event = script.events.pop_front().unwrap();
         core.on(event, &mut script);
@@ -200,6 +200,25 @@ fn a_lost_recorder_is_started_again_and_then_gone_without() {
     assert!(all_once(&script, 3));
     assert_eq!(script.driven[&2], [false], "the last scene has no recorder");
     assert!(script.warnings.last().unwrap().contains("without recordings"), "{:?}", script.warnings);
+}
+
+#[test]
+fn a_recorder_that_one_episode_missed_costs_no_other_its_recording() {
+    let mut script = Script::default();
+    let mut core = Core::new((0..4).collect(), 1, true);
+    core.start(&mut script);
+    core.on(Event::RecorderReady, &mut script);
+    core.on(Event::NodesReady(0), &mut script);
+    let missed = |number| Event::Driven { worker: 0, driver_failed: false, recorded: false, missed: Some(number) };
+    core.on(missed(0), &mut script);
+    assert_eq!(script.driven.len(), 1, "nothing begins before its loss is told");
+    core.on(Event::RecorderLost("killed".to_owned()), &mut script);
+    core.on(Event::RecorderReady, &mut script);
+    assert_eq!(script.driven.len(), 2);
+    // That it was missed may be told late: another has taken its place.
+    core.on(missed(0), &mut script);
+    assert_eq!(script.driven.len(), 3);
+    assert!(script.driven.values().flatten().all(|recorded| *recorded));
 }
 
 #[test]

@@ -123,7 +123,7 @@ impl Worker<'_> {
             return Some(Event::Disturbed { worker: self.number, scene });
         }
         frames.store(scene, asked.rows);
-        Some(Event::Driven { worker: self.number, driver_failed: asked.lost, recorded: false })
+        Some(Event::Driven { worker: self.number, driver_failed: asked.lost, recorded: false, missed: None })
     }
 
     fn ask_at_all_frames(&mut self, scene: &Arc<Scene>, definitions: Definitions) -> Option<Asked> {

@@ -25,8 +25,8 @@ pub struct LineDriver {
     dismissed: bool,
     /// What the predictor said at the last step.
     pub prediction: Option<Prediction>,
-    /// Whether the recorder did not say in time that it is done.
-    pub recorder_is_frozen: bool,
+    /// Whether the recorder was gone at the end, or did not say in time that it is done.
+    pub recorder_is_lost: bool,
 }
 
 impl LineDriver {
@@ -41,7 +41,7 @@ impl LineDriver {
             recorder,
             dismissed: false,
             prediction: None,
-            recorder_is_frozen: false,
+            recorder_is_lost: false,
         }
     }
 
@@ -99,7 +99,7 @@ impl Driver for LineDriver {
         *end = EpisodeEnd { digest: Vec::new(), ..told };
         let Some(patience) = self.recorder else { return Ok(()) };
         let recorded = self.line.await_recorded(patience);
-        self.recorder_is_frozen = matches!(recorded, Err(LineError::NoAnswer { .. }));
+        self.recorder_is_lost = matches!(recorded, Err(LineError::NoAnswer { .. } | LineError::NodeLost { .. }));
         recorded.map_err(|error| error.to_string())
     }
 }

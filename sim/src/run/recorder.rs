@@ -20,10 +20,13 @@ const CLOSING: Duration = Duration::from_secs(5);
 
 /// Starts the recorder at each order; ends it when nobody orders any more.
 pub fn keep(shared: &Arc<Shared>, groups: &Groups, orders: &Receiver<()>, events: &SyncSender<Event>) {
+    // Each that was started, whether or not it came to be ready, is counted when its loss is told.
+    let mut number = 0_u64;
     while orders.recv().is_ok() {
         let mut process = match start(shared, groups) {
             Ok(process) => process,
             Err(reason) => {
+                number += 1;
                 if events.send(Event::RecorderLost(reason)).is_err() {
                     return;
                 }
@@ -35,12 +38,14 @@ pub fn keep(shared: &Arc<Shared>, groups: &Groups, orders: &Receiver<()>, events
         }
         loop {
             if let Some(how) = process.gone() {
+                number += 1;
                 if events.send(Event::RecorderLost(format!("the recorder {how}"))).is_err() {
                     return;
                 }
                 break;
             }
-            if shared.recorder_is_frozen.swap(false, Ordering::Relaxed) || !is_on_the_bus(shared) {
+            if shared.missed_recorder.load(Ordering::Relaxed) == number || !is_on_the_bus(shared) {
+                number += 1;
                 // It takes or says nothing: frozen, it would not leave by itself, and waiting for that costs again.
                 drop(process);
                 if events

@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 use std::process::Command;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use results::folder::Folder;
@@ -23,6 +23,9 @@ use super::process::{Groups, Process, program};
 use super::ready::Ahead;
 use super::scene_index::SceneIndex;
 use super::voice::Voice;
+
+/// No recorder has this number.
+const NO_RECORDER: u64 = u64::MAX;
 
 /// Who looks at each episode when it is stored, and at its files.
 pub type Onlooker = Box<dyn Fn(&Folder, &Part) + Send + Sync>;
@@ -51,8 +54,8 @@ pub struct Shared {
     pub external: Option<Arc<Seat>>,
     /// The place of the recorder that runs.
     pub recorder: Mutex<Option<Arc<Seat>>>,
-    /// Set by a worker that the recorder keeps waiting: it is replaced, so that this costs once.
-    pub recorder_is_frozen: AtomicBool,
+    /// The number of the last recorder that a worker found gone or mute, else [`NO_RECORDER`]: it is replaced, so that this costs once.
+    pub missed_recorder: AtomicU64,
     /// The cores, if each worker keeps to one of them with its nodes.
     pub cores: Option<Cores>,
     /// Since the program began.
@@ -104,7 +107,7 @@ impl Shared {
             logs,
             external,
             recorder: Mutex::default(),
-            recorder_is_frozen: AtomicBool::new(false),
+            missed_recorder: AtomicU64::new(NO_RECORDER),
             cores,
             clock,
             console: console.clone(),

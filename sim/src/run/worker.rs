@@ -48,8 +48,15 @@ pub fn work(number: usize, shared: &Arc<Shared>, orders: &Receiver<Order>, event
     {
         tracing::warn!("worker {number} is on no core of its own: {error}");
     }
-    let mut worker =
-        Worker { number, name: WorkerName::numbered(number), shared, nodes: Vec::new(), seats: None, starts: 0 };
+    let mut worker = Worker {
+        number,
+        name: WorkerName::numbered(number),
+        shared,
+        nodes: Vec::new(),
+        seats: None,
+        starts: 0,
+        missed: None,
+    };
     while let Ok(order) = orders.recv() {
         let event = match order {
             Order::StartNodes => match worker.start_nodes() {
@@ -82,6 +89,8 @@ pub(super) struct Worker<'a> {
     seats: Option<Seats>,
     /// How often nodes were started, for their names.
     starts: u32,
+    /// The recorder that the last episode found lost.
+    missed: Option<u32>,
 }
 
 /// The places of a worker's nodes on the bus.
@@ -189,7 +198,7 @@ impl Worker<'_> {
     }
 
     /// Drives a scene and stores what came of it; none where the run is stopped before that.
-    fn drive(&mut self, Drive { scene, record, repeatable }: Drive) -> Option<Event> {
+    fn drive(&mut self, Drive { scene, recorder, repeatable }: Drive) -> Option<Event> {
         let shared = self.shared;
         let pauses = shared.pauses();
         let begin = shared.clock.now();
@@ -205,7 +214,7 @@ impl Worker<'_> {
                     Err(NotBegun::Undrivable(error)) => self.without_drive(error.end(&scene, protocol)),
                     Err(NotBegun::Scene(error)) => self.unreadable(id.as_str(), &error.to_string()),
                     Err(NotBegun::Lead(error)) => return Some(Event::Broken(error.to_string())),
-                    Ok(begun) => self.drive_episode(begun, record)?,
+                    Ok(begun) => self.drive_episode(begun, recorder)?,
                 };
                 part.timing.get_or_insert_default().prepare = prepare.as_secs_f64();
                 let summary = lint::Summary::of(&lints);
@@ -242,14 +251,15 @@ impl Worker<'_> {
         if let Some(onlooker) = &shared.onlooker {
             onlooker(&shared.folder, &part);
         }
-        Some(Event::Driven { worker: self.number, driver_failed, recorded })
+        Some(Event::Driven { worker: self.number, driver_failed, recorded, missed: self.missed.take() })
     }
 
-    fn drive_episode(&mut self, Begun { scene, episode, lead }: Begun, record: bool) -> Option<Part> {
+    fn drive_episode(&mut self, Begun { scene, episode, lead }: Begun, number: Option<u32>) -> Option<Part> {
         let shared = self.shared;
         let settings = &shared.file.settings;
         let start = AgentState::from(&episode.observe().av);
         let start_log_index = episode.briefing().start;
+        let record = number.is_some();
         let recorder = if record { shared.recorder() } else { None };
         let mut driver = match self.driver(&scene, recorder.as_deref()) {
             Ok(driver) => driver,
@@ -257,8 +267,10 @@ impl Worker<'_> {
         };
         driver.driver.lead_by(lead);
         let Driven { outcome, recording, timing } = drive(episode, &mut driver, &shared.clock, &shared.stop)?;
-        if driver.driver.recorder_is_frozen {
-            shared.recorder_is_frozen.store(true, Ordering::Relaxed);
+        let is_lost = driver.driver.recorder_is_lost;
+        if let Some(number) = number.filter(|_| is_lost) {
+            shared.missed_recorder.store(number.into(), Ordering::Relaxed);
+            self.missed = Some(number);
         }
         let wanted = settings.record != Record::None;
         let recording_error = match recording {
