@@ -4,7 +4,7 @@
 //! Each line of `step` is a whole drive of 150 steps; the throughput is steps per second. The floor is what no judge of 128 agents can
 //! be faster than: reading three numbers of each and comparing.
 //!
-//! The groups `prepare` are of a generated town, and of a real scene of 9 s where one is at hand (`RELOOP_SHARED`, or `../shared` beside
+//! The groups `prepare` are of a generated scene, and of a real scene of 9 s where one is at hand (`RELOOP_SHARED`, or `../shared` beside
 //! the repository): what it costs to read, to lint and to prepare it, and its whole drive by the logged AV, all of that included. Their
 //! floor is one pass over the points of the map, each compared with one place.
 
@@ -122,8 +122,8 @@ fn step(criterion: &mut Criterion) {
 
 /// What a scene is read from.
 fn payloads() -> Vec<(&'static str, Vec<u8>)> {
-    let town = FAMILIES.iter().find(|family| family.name == "town").unwrap();
-    let mut payloads = vec![("town", town.payload("bench", 1, 0, &Parameters::default()).unwrap())];
+    let urban = FAMILIES.iter().find(|family| family.name == "urban").unwrap();
+    let mut payloads = vec![("urban", urban.payload("bench", 1, 0, &Parameters::default()).unwrap())];
     let repository = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
     let shared = std::env::var_os("RELOOP_SHARED").map(PathBuf::from);
     let places = shared.into_iter().chain(["../shared", "../../shared"].map(|place| repository.join(place)));

@@ -1,4 +1,4 @@
-//! What it costs to merge a run's parts into its files: 500 episodes of 150 steps.
+//! What it costs to merge a run's parts into its files: 500 and 10,000 episodes of 150 steps.
 //!
 //! `cargo bench -p results --bench merge`. The floor, measured beside, is to read and check the parts, and to compress their bytes
 //! once at the level of the files.
@@ -10,20 +10,24 @@ mod synthetic;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 
-const EPISODES: usize = 500;
+const EPISODES: [usize; 2] = [500, 10_000];
 
 fn merge(criterion: &mut Criterion) {
+    EPISODES.iter().for_each(|episodes| merge_of(*episodes, criterion));
+}
+
+fn merge_of(episodes: usize, criterion: &mut Criterion) {
     let root = tempfile::tempdir().unwrap();
-    let file = synthetic::run_file(EPISODES);
+    let file = synthetic::run_file(episodes);
     let folder = synthetic::driven(root.path(), &file, 150);
-    let mut group = criterion.benchmark_group(format!("{EPISODES} episodes of 150 steps"));
+    let mut group = criterion.benchmark_group(format!("{episodes} episodes of 150 steps"));
     group.sample_size(10);
     group.bench_function("merge", |bencher| {
         bencher.iter(|| results::merge(&folder, &file, None, |_, _| {}).unwrap());
     });
     group.bench_function("floor: parts read, and compressed once", |bencher| {
         bencher.iter(|| {
-            let parts = (0..EPISODES).map(|place| folder.part(&synthetic::scene(place)).unwrap().unwrap());
+            let parts = (0..episodes).map(|place| folder.part(&synthetic::scene(place)).unwrap().unwrap());
             parts.map(|part| zstd::bulk::compress(&part.to_bytes(), 1).unwrap().len()).sum::<usize>()
         });
     });
