@@ -54,7 +54,7 @@ pub struct Shared {
     pub external: Option<Arc<Seat>>,
     /// The place of the recorder that runs.
     pub recorder: Mutex<Option<Arc<Seat>>>,
-    /// The number of the last recorder that a worker found gone or mute, else [`NO_RECORDER`]: it is replaced, so that this costs once.
+    /// The number of the last recorder that a worker found gone or mute, else `NO_RECORDER`: it is replaced, so that this costs once.
     pub missed_recorder: AtomicU64,
     /// The cores, if each worker keeps to one of them with its nodes.
     pub cores: Option<Cores>,
