@@ -1,6 +1,28 @@
-//! What travels between the simulator, its nodes and the recorder, and how: messages, keys, sessions.
+//! What travels between the simulator, its nodes and the recorder, and how: messages, keys, sessions. Whoever writes a planner or a predictor
+//! needs this crate, `world` and clap, and no other of reloop.
 //!
 //! No planner lives here, and no file is read or written.
+//!
+//! # A planner of your own
+//!
+//! ```toml
+//! [dependencies]
+//! clap = { version = "4", features = ["derive"] }
+//! wire = { path = "reloop/wire" }
+//! world = { path = "reloop/world" }
+//! ```
+//!
+//! It follows the reference line, no faster than the limit, and stops behind whoever is in the way:
+//!
+//! ```no_run
+#![doc = include_str!("../examples/follow_the_line.rs")]
+//! ```
+//!
+//! `cargo build --release`, then `sim run --planner-command target/release/my-planner`. A planner that keeps something from step to step
+//! is a closure or implements [`node::Planner`]; what is known at a step is [`node::StepInput`]: units are SI, angles radians, and
+//! places those of the log. A refusal (`Err`) ends the episode as failed, with the sentence as its reason; so does a panic.
+//!
+//! # Inside
 //!
 //! | module | what |
 //! | --- | --- |

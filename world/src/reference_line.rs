@@ -85,6 +85,14 @@ impl ReferenceWindow {
         self.speed_limit.unwrap_or_else(|| self.line.speed_limit[index])
     }
 
+    /// The sample of the window that is nearest to a place, by its index in the line, and how far away it is (m); none where the window is empty.
+    #[must_use]
+    pub fn nearest(&self, place: Point) -> Option<(usize, f64)> {
+        let samples = self.start..(self.start + self.samples).min(self.line.len());
+        let away = samples.map(|index| (index, self.line.point(index).distance(place)));
+        away.min_by(|(_, one), (_, other)| one.total_cmp(other))
+    }
+
     /// The authors' fifth column of the line, a number a sample: 0 at a red stop point, else 1 on a crosswalk, else the speed
     /// limit, in their single precision. So a limit that is not known reads as red, and one of 1 m/s as a crosswalk.
     #[must_use]
@@ -104,6 +112,20 @@ impl ReferenceWindow {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_nearest_sample_is_one_of_the_window() {
+        let columns = || (0..9).map(f64::from).collect();
+        let line = ReferenceLine { x: columns(), y: vec![0.0; 9], ..ReferenceLine::default() };
+        let (red_stops, speed_limit) = (Vec::new(), None);
+        let mut window =
+            ReferenceWindow { line: Arc::new(line), start: 3, samples: 4, first_sample: 3, red_stops, speed_limit };
+        assert_eq!(window.nearest(Point::new(4.2, 3.0)).map(|(index, _)| index), Some(4));
+        assert_eq!(window.nearest(Point::new(0.0, 4.0)), Some((3, 5.0)));
+        assert_eq!(window.nearest(Point::new(99.0, 0.0)), Some((6, 93.0)));
+        window.samples = 0;
+        assert_eq!(window.nearest(Point::new(0.0, 0.0)), None);
+    }
 
     #[test]
     fn the_authors_column_is_red_before_crosswalk_before_limit() {

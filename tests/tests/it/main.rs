@@ -39,6 +39,7 @@ mod killed;
 mod network;
 mod nodes;
 mod open_loop;
+mod own_planner;
 mod paper;
 mod pause;
 mod planner_command;

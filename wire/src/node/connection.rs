@@ -29,7 +29,7 @@ const CLOSING: Duration = Duration::from_millis(500);
 
 /// How a node finds its run. `sim run` gives these to the nodes that it starts, as arguments and in the environment; the secret
 /// in the environment alone.
-#[derive(Clone, Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Parser)]
 pub struct Options {
     /// Where the simulator listens, like tcp/127.0.0.1:7447
     #[arg(long, env = "RELOOP_ENDPOINT", value_name = "ENDPOINT")]

@@ -57,6 +57,13 @@ pub trait Planner: Send {
     fn plan(&mut self, step: &StepInput<'_>) -> Result<UncheckedPlan, String>;
 }
 
+/// A planner may be a function, or a closure that keeps what it needs.
+impl<F: FnMut(&StepInput<'_>) -> Result<UncheckedPlan, String> + Send> Planner for F {
+    fn plan(&mut self, step: &StepInput<'_>) -> Result<UncheckedPlan, String> {
+        self(step)
+    }
+}
+
 /// Makes a planner for each episode.
 pub trait PlannerFactory: Send + Sync {
     /// A planner for the episode of `briefing`.
@@ -71,6 +78,13 @@ pub trait PlannerFactory: Send + Sync {
     }
 }
 
+/// What makes planners may be a closure.
+impl<F: Fn(&Briefing) -> Result<Box<dyn Planner>, String> + Send + Sync> PlannerFactory for F {
+    fn start(&self, briefing: &Briefing) -> Result<Box<dyn Planner>, String> {
+        self(briefing)
+    }
+}
+
 /// Predicts for one episode.
 pub trait Predictor: Send {
     /// The prediction for this step.
@@ -80,6 +94,13 @@ pub trait Predictor: Send {
     fn predict(&mut self, step: &StepInput<'_>) -> Result<UncheckedPrediction, String>;
 }
 
+/// A predictor may be a function, or a closure that keeps what it needs.
+impl<F: FnMut(&StepInput<'_>) -> Result<UncheckedPrediction, String> + Send> Predictor for F {
+    fn predict(&mut self, step: &StepInput<'_>) -> Result<UncheckedPrediction, String> {
+        self(step)
+    }
+}
+
 /// Makes a predictor for each episode.
 pub trait PredictorFactory: Send + Sync {
     /// A predictor for the episode of `briefing`.
@@ -87,6 +108,13 @@ pub trait PredictorFactory: Send + Sync {
     /// # Errors
     /// A sentence on why there can be none; the episode ends as failed with it.
     fn start(&self, briefing: &Briefing) -> Result<Box<dyn Predictor>, String>;
+}
+
+/// What makes predictors may be a closure.
+impl<F: Fn(&Briefing) -> Result<Box<dyn Predictor>, String> + Send + Sync> PredictorFactory for F {
+    fn start(&self, briefing: &Briefing) -> Result<Box<dyn Predictor>, String> {
+        self(briefing)
+    }
 }
 
 /// Answers observations with plans until the run ends or the node is told to stop.
