@@ -33,6 +33,8 @@ pub enum Command {
     Generate(GenerateArguments),
     /// Draw scenes from above, as PNG or SVG: one scene at one step, or a sheet of many
     Render(RenderArguments),
+    /// Download scenes of real traffic that are public, a few to begin with; their licence is shown first
+    Fetch(FetchArguments),
     /// Figures of a set as a whole: percentiles of agents, sizes, speeds, gaps, lanes, signals ...
     Stats(StatsArguments),
 }
@@ -40,8 +42,8 @@ pub enum Command {
 /// Where scenes are taken from.
 #[derive(Debug, Args)]
 pub struct Inputs {
-    /// WOMD TFRecord files (packed with gzip or zlib or not), folders or globs of them, scene-set TOML files, indices, or the word
-    /// demo
+    /// WOMD TFRecord files (packed with gzip or zlib or not), ScenarioNet's pickles, folders or globs of them, scene-set TOML files,
+    /// indices, or the word demo
     #[arg(value_name = "PATH", default_value = "demo")]
     pub paths: Vec<String>,
 
@@ -109,6 +111,37 @@ pub struct IndexArguments {
     /// The index, replaced if it is there. Scene files within its folder may be moved together with it
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
+}
+
+/// Arguments of `fetch`.
+#[derive(Debug, Args)]
+pub struct FetchArguments {
+    /// Which scenes
+    #[arg(value_name = "NAME", value_enum)]
+    pub samples: Samples,
+
+    /// Folder for the scenes; made if it is not there
+    #[arg(long, value_name = "FOLDER")]
+    pub out: PathBuf,
+
+    /// Agree to the licence without being asked, for scripts; read it before
+    #[arg(long)]
+    pub yes: bool,
+
+    /// The package, downloaded before by other means, instead of downloading it
+    #[arg(long, value_name = "WHEEL")]
+    pub from: Option<PathBuf>,
+
+    /// Replace files that are there
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// What can be fetched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Samples {
+    /// Three scenes of 20 s from the Waymo Open Motion Dataset, which the Python package metadrive-simulator brings; 49 MB to download
+    MetadriveSamples,
 }
 
 /// Arguments of `families`.

@@ -38,7 +38,7 @@ impl Content {
     /// What the user can do.
     pub(crate) fn hint(self) -> &'static str {
         match self {
-            Self::Pickle => "give the TFRecord files that it was made from: WOMD's own, in scenario format",
+            Self::Pickle => "name it .pkl, to have it read as a scene of ScenarioNet's",
             Self::Sqlite => "nuPlan's logs are not read: give WOMD's TFRecord files, in scenario format",
             Self::Packed(_) => "unpack it (gzip -d FILE, tar -xzf FILE) and see what it is",
             Self::Zip => "unpack it: unzip FILE",

@@ -9,6 +9,7 @@ use world::scene::SceneId;
 
 use crate::content::Content;
 use crate::generated::GeneratedError;
+use crate::scenarionet::ScenarioNetError;
 use crate::set::IndexError;
 use crate::source::{Place, Source};
 use crate::tfrecord::{FrameError, FrameProblem, PackedError, Packing, StreamError};
@@ -16,7 +17,7 @@ use crate::womd::WomdError;
 
 /// A record that gives no scene: which, and why.
 #[derive(Debug, Error)]
-#[error("{}: record {record} at {}: {problem}", path.display(), Byte(*offset, *packing))]
+#[error("{}: {}{problem}", path.display(), InFile(self))]
 pub struct RecordError {
     /// The file.
     pub path: PathBuf,
@@ -26,8 +27,20 @@ pub struct RecordError {
     pub offset: u64,
     /// How the file is packed, if it is.
     pub packing: Option<Packing>,
+    /// The file is not a row of records, but one scene: a pickle.
+    pub whole: bool,
     /// What is wrong.
     pub problem: RecordProblem,
+}
+
+/// Where in its file a record is, if it is not the file.
+struct InFile<'a>(&'a RecordError);
+
+impl fmt::Display for InFile<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let RecordError { record, offset, packing, whole, .. } = self.0;
+        if *whole { Ok(()) } else { write!(f, "record {record} at {}: ", Byte(*offset, *packing)) }
+    }
 }
 
 /// A place in a file, or in what it unpacks to.
@@ -57,6 +70,9 @@ pub enum RecordProblem {
     /// Its content is wrong.
     #[error("{0}")]
     Womd(WomdError),
+    /// The pickle's content is wrong.
+    #[error("{0}")]
+    ScenarioNet(#[from] ScenarioNetError),
     /// It is not what it was when the set was opened.
     #[error("the file has changed since it was opened")]
     Changed,
@@ -75,7 +91,12 @@ impl RecordProblem {
 impl RecordError {
     pub(crate) fn at(place: &Place, problem: RecordProblem) -> Self {
         let (path, packing) = (place.file.path.clone(), place.file.packing());
-        Self { path, record: place.record, offset: place.offset, packing, problem }
+        Self { path, record: place.record, offset: place.offset, packing, whole: false, problem }
+    }
+
+    /// Of a pickle, which is one scene.
+    pub(crate) fn of_file(path: &Path, problem: RecordProblem) -> Self {
+        Self { path: path.into(), record: 0, offset: 0, packing: None, whole: true, problem }
     }
 
     pub(crate) fn stream(path: &Path, packing: Option<Packing>, error: StreamError) -> Self {
@@ -90,7 +111,7 @@ impl RecordError {
                 }
             }
         };
-        Self { path: path.into(), record, offset, packing, problem }
+        Self { path: path.into(), record, offset, packing, whole: false, problem }
     }
 
     /// The scene that the record would be, where it tells.
@@ -111,6 +132,7 @@ impl RecordError {
             RecordProblem::Packed(error) => error.problem.hint(),
             RecordProblem::Foreign(content) => content.hint(),
             RecordProblem::Womd(problem) => problem.hint(),
+            RecordProblem::ScenarioNet(problem) => problem.hint(),
             RecordProblem::Changed => "leave scene files alone while they are being driven",
         }
     }
@@ -130,12 +152,14 @@ pub enum SetError {
     NoMatch { pattern: String },
     #[error("{pattern} is no glob: {problem}")]
     BadGlob { pattern: String, problem: String },
-    #[error("the folder {} holds no TFRecord file{}", path.display(), Among(passed_over))]
+    #[error("the folder {} holds neither TFRecord files nor pickles{}", path.display(), Among(passed_over))]
     EmptyFolder { path: PathBuf, passed_over: Vec<String> },
-    #[error("{} is neither a TFRecord file nor a scene-set TOML", path.display())]
+    #[error("{} is neither a TFRecord file, a pickle nor a scene-set TOML", path.display())]
     NotRecognised { path: PathBuf },
     #[error("{} is {content}, not a TFRecord", path.display())]
     Foreign { path: PathBuf, content: Content },
+    #[error("{}: {problem}", path.display())]
+    Database { path: PathBuf, problem: ScenarioNetError },
     #[error(transparent)]
     Record(#[from] RecordError),
     #[error("the scene {id} is there twice, with other bytes: in {} and in {}", places[0], places[1])]
@@ -182,9 +206,6 @@ impl SetError {
             Self::NoMatch { .. } | Self::BadGlob { .. } => {
                 "quote globs, so that the shell leaves them alone: 'data/*.tfrecord*'"
             }
-            Self::EmptyFolder { passed_over, .. } if passed_over.iter().any(|name| name.ends_with(".pkl")) => {
-                Content::Pickle.hint()
-            }
             Self::EmptyFolder { passed_over, .. } if passed_over.iter().any(|name| name.ends_with(".db")) => {
                 Content::Sqlite.hint()
             }
@@ -193,12 +214,15 @@ impl SetError {
                 "by their names these hold no scenes: fetch the shards that they belong to"
             }
             Self::EmptyFolder { .. } => {
-                "TFRecord files are known by `.tfrecord` in their names: name others one by one"
+                "TFRecord files are known by `.tfrecord` in their names, pickles by `.pkl` behind them: name others one by one"
             }
             Self::NotRecognised { .. } => {
-                "give TFRecord files, folders or globs of them, a scene-set TOML (*.toml), or the word demo"
+                "give TFRecord files or pickles, folders or globs of them, a scene-set TOML (*.toml), or the word demo"
             }
             Self::Record(error) => error.hint(),
+            Self::Database { .. } => {
+                "give the scenes' files themselves, by a glob, or make the index again by ScenarioNet"
+            }
             Self::Duplicate { .. } => {
                 "they differ: leave one of the files out, or keep other scenes alone by `scenes` in a scene-set TOML"
             }

@@ -3,10 +3,13 @@
 use std::io::{Cursor, Read};
 use std::path::Path;
 
+use crate::scenarionet::{self, database};
 use crate::set::index;
 use crate::tfrecord::{Decoder, Frames, Packing, Records, Restart, Unpack};
 use crate::womd::{Skim, Skimmed, WomdError};
 use crate::{SetFile, lint, womd};
+
+pub mod pickled;
 
 /// Any bytes as a TFRecord file: no panic, and the same records however the bytes arrive.
 ///
@@ -174,11 +177,45 @@ pub fn womd_lint(payload: &[u8]) {
     }
 }
 
+/// Any bytes as a pickle of ScenarioNet's, and as a database's index: no panic; the id that is found by the first bytes is the scene's, unless
+/// it is there twice; what is read is written as WOMD's and read again; and the lint takes it.
+///
+/// # Panics
+/// If that does not hold.
+pub fn scenarionet(bytes: &[u8]) {
+    let _ = (database::mapped(bytes), database::summarised(bytes));
+    let whole = || -> Result<Vec<u8>, scenarionet::ScenarioNetError> { Ok(bytes.to_vec()) };
+    let id = scenarionet::scene_id(&bytes[..bytes.len().min(512)], whole);
+    let Ok((scene, findings)) = scenarionet::read(bytes) else { return };
+    let pickle = scenarionet::pickle::Pickle::read(bytes);
+    let is_id = |pickle: &scenarionet::pickle::Pickle<'_>, key| pickle.text(key) == Some("id");
+    let ids = pickle.map(|pickle| {
+        pickle.dict(pickle.root()).map_or(0, |all| all.iter().filter(|(key, _)| is_id(&pickle, *key)).count())
+    });
+    if ids == Ok(1) {
+        assert_eq!(id.as_ref().ok(), Some(scene.id()), "a set finds another id than the reader");
+    }
+    assert!(womd::read(&womd::write(&scene)).is_ok(), "what was written cannot be read");
+    let _ = lint::lint(&std::sync::Arc::new(scene), &findings);
+}
+
 /// Any text as a scene-set TOML: no panic.
 pub fn scene_set_toml(bytes: &[u8]) {
     if let Ok(text) = std::str::from_utf8(bytes) {
         let _ = SetFile::parse(text);
     }
+}
+
+/// The same scenes as [`womd_seeds`], as ScenarioNet's pickles: of today, and with lanes, signals and tracks as older and other sets have them.
+#[must_use]
+pub fn scenarionet_seeds() -> Vec<Vec<u8>> {
+    let scenes = womd_seeds().into_iter().filter_map(|payload| Some(womd::read(&payload).ok()?.0));
+    let of_today: Vec<_> = scenes.map(|scene| pickled::current(&scene)).collect();
+    let flat = of_today.iter().cloned().map(|mut scene| {
+        *scene.at("metadata").at("dataset") = pickled::text("nuscenes");
+        scene
+    });
+    of_today.iter().cloned().chain(flat).map(|scene| scene.pickle()).collect()
 }
 
 /// Small whole inputs to start from: three steps, and one of all that a map can hold.
@@ -263,6 +300,29 @@ mod tests {
     }
 
     #[test]
+    fn mutated_pickles_do_no_harm() {
+        let seeds = scenarionet_seeds();
+        assert!(seeds.len() == 4 && seeds.iter().all(|seed| seed.len() < 30_000));
+        seeds.iter().for_each(|seed| drop(scenarionet::read(seed).unwrap()));
+        let (count, mut scenes) = (10_000, 0);
+        mutated(&seeds, count, |input| {
+            scenarionet(input);
+            scenes += usize::from(scenarionet::read(input).is_ok());
+        });
+        assert!(
+            scenes > count / 10 && scenes < count,
+            "{scenes} inputs are still scenes: the mutations miss their mark"
+        );
+    }
+
+    #[test]
+    fn mutated_pickles_of_every_protocol_do_no_harm() {
+        // What is before the last byte is any operations, most of them sound: numbers, containers, marks, the store.
+        let soup = b"\x80\x04](K\x01K\x02e\x94}(X\x01\0\0\0aK\x03u\x94h\0\x85\x94h\x01\x86(NI1\nF2\nL3L\nVa\nS'b'\nt\x90ldp4\ng4\n20(1cnumpy\ndtype\n\x8c\x02f8\x85R(K\x03\x8c\x01<tb.";
+        mutated(&[soup.to_vec()], 30_000, scenarionet);
+    }
+
+    #[test]
     fn mutated_files_do_no_harm() {
         let mut file = Vec::new();
         for payload in [&b"one"[..], b"", b"three and a little more"] {
@@ -314,7 +374,12 @@ mod tests {
             id: world::scene::SceneId::new(format!("s{record}")).unwrap(),
             source: place(record),
         });
-        let entries: Vec<_> = filed.chain(set.entries().iter().cloned()).collect();
+        let pickle = crate::SceneFile { path: "/data/b.pkl".into(), bytes: 700, modified: None, packed: None };
+        let pickled = crate::SceneEntry {
+            id: world::scene::SceneId::new("pickled").unwrap(),
+            source: crate::Source::Pickle(std::sync::Arc::new(pickle)),
+        };
+        let entries: Vec<_> = filed.chain([pickled]).chain(set.entries().iter().cloned()).collect();
         let whole = index::write(&entries, Path::new("/data"));
         assert_eq!(index::read(&whole, Path::new("/data")).unwrap().1, entries);
         let message = whole[21..whole.len() - 4].to_vec();

@@ -1,8 +1,8 @@
-//! Where scenes come from: files of the Waymo Open Motion Dataset (WOMD), generated families, and sets of both.
+//! Where scenes come from: files of the Waymo Open Motion Dataset (WOMD), ScenarioNet's pickles, generated families, and sets of them.
 //!
 //! ```text
 //! inputs ──▶ SceneSet ──▶ tfrecord (frames, checksums) ──▶ womd (protobuf) ──▶ world::scene (the one check) ──▶ Scene
-//! generated ──▶ womd::write ──────────▲
+//! generated ──▶ womd::write ──────────▲            scenarionet (pickles) ──────▲
 //! ```
 //!
 //! Readers are without IO at their core, take hostile bytes, and name file, record and offset in every error.
@@ -14,6 +14,7 @@ pub mod fuzzing;
 pub mod generated;
 pub mod lint;
 pub mod picture;
+pub mod scenarionet;
 mod set;
 mod source;
 pub mod stats;

@@ -7,7 +7,7 @@ use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 
 use cli::{Cli, Command};
-use commands::{Failure, INTERRUPTED, export, families, generate, index, inspect, lint, list, render, stats};
+use commands::{Failure, INTERRUPTED, export, families, fetch, generate, index, inspect, lint, list, render, stats};
 
 /// Exit codes: 0 done; 1 done, and something is gravely wrong with a scene; 2 wrong usage or unusable input; 130 interrupted.
 fn main() -> ExitCode {
@@ -23,6 +23,7 @@ fn main() -> ExitCode {
         Command::Families(arguments) => families::run(arguments, &mut out),
         Command::Generate(arguments) => generate::run(arguments, &mut out),
         Command::Render(arguments) => render::run(arguments, &mut out),
+        Command::Fetch(arguments) => fetch::run(arguments, &mut out),
         Command::Stats(arguments) => stats::run(arguments, &mut out),
     };
     match done.and_then(|grave| out.flush().map(|()| grave).map_err(Failure::Output)) {

@@ -8,7 +8,7 @@ use std::time::SystemTime;
 use crate::generated::{Family, Parameters};
 use crate::tfrecord::{Entrances, Packing};
 
-/// A TFRecord file, as it was when it was opened.
+/// A file with scenes, as it was when it was opened.
 #[derive(Debug)]
 pub struct SceneFile {
     /// Its path.
@@ -57,6 +57,8 @@ pub struct Place {
 pub enum Source {
     /// In a TFRecord file.
     File(Place),
+    /// A pickle of ScenarioNet's, as a whole.
+    Pickle(Arc<SceneFile>),
     /// Made when it is loaded.
     Generated {
         /// The family.
@@ -74,6 +76,7 @@ impl fmt::Display for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::File(Place { file, record, .. }) => write!(f, "{} (record {record})", file.path.display()),
+            Self::Pickle(file) => write!(f, "{}", file.path.display()),
             Self::Generated { family, seed, index, parameters } => {
                 write!(f, "generated {}, seed {seed}, scene {index}", family.name)?;
                 if parameters.is_empty() { Ok(()) } else { write!(f, ", {parameters}") }

@@ -2,6 +2,7 @@
 
 pub mod export;
 pub mod families;
+pub mod fetch;
 pub mod generate;
 pub mod index;
 pub mod inspect;
@@ -105,6 +106,9 @@ pub enum Failure {
         /// As many fit.
         most: usize,
     },
+    /// Samples are not to be had.
+    #[error(transparent)]
+    Fetch(#[from] fetch::FetchError),
     /// A picture cannot be a PNG.
     #[error(transparent)]
     Png(#[from] PngError),
@@ -137,6 +141,7 @@ impl Failure {
             Self::MissingFolder(_) => "make it first, or name a file in a folder that is there",
             Self::NoStep(_) => "steps count from 0; without --step each scene is shown where drives begin",
             Self::TooManyTiles { .. } => "name fewer by --scene, and draw several sheets",
+            Self::Fetch(error) => error.hint(),
             Self::Png(PngError::TooLarge { .. }) => "give a smaller --width, or draw an .svg",
             Self::Png(PngError::Drawing(_)) => "draw an .svg instead, and please report this with the scene",
         }

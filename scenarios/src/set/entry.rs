@@ -3,16 +3,20 @@
 use std::fmt;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::time::SystemTime;
 
 use sha2::{Digest, Sha256};
-use world::scene::SceneId;
+use world::scene::{Finding, Scene, SceneId};
 
+use super::pickles;
 use crate::error::{RecordError, RecordProblem, SetError};
+use crate::generated::GeneratedError;
+use crate::scenarionet::{self, ScenarioNetError};
 use crate::source::{Place, Source};
 use crate::tfrecord::{Records, StreamError};
-use crate::womd::WomdError;
+use crate::womd::{self, WomdError};
 
-/// SHA-256 of a record's payload: which scene it is, whatever its file is called.
+/// SHA-256 of a record's payload, or of a pickle: which scene it is, whatever its file is called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Hash([u8; 32]);
 
@@ -39,17 +43,24 @@ pub struct SceneEntry {
 
 impl SceneEntry {
     /// What tells this scene from others of its name without reading it: of a record its length and the checksum that is stored with it,
-    /// of a generated scene what it is made of.
+    /// of a pickle its length and when it was changed last, of a generated scene what it is made of.
     #[must_use]
     pub fn fingerprint(&self) -> String {
         match &self.source {
             Source::File(place) => format!("{} bytes, CRC32C {:08x}", place.bytes, place.checksum),
+            Source::Pickle(file) => match file
+                .modified
+                .and_then(|time| time.duration_since(SystemTime::UNIX_EPOCH).ok())
+            {
+                Some(since) => format!("{} bytes, of {}.{:09} s", file.bytes, since.as_secs(), since.subsec_nanos()),
+                None => format!("{} bytes", file.bytes),
+            },
             made @ Source::Generated { .. } => made.to_string(),
         }
     }
 
     pub(super) fn hash(&self) -> Result<Hash, SetError> {
-        self.read(|payload| Ok(Hash::of(payload)))
+        self.read(Hash::of)
     }
 
     /// Whether it is the same scene as another of its name.
@@ -63,14 +74,45 @@ impl SceneEntry {
         }
     }
 
-    pub(super) fn read<T>(&self, take: impl FnOnce(&[u8]) -> Result<T, WomdError>) -> Result<T, SetError> {
+    /// Gives `take` the bytes that the scene is in: a record's payload, or a whole pickle.
+    pub(super) fn read<T>(&self, take: impl FnOnce(&[u8]) -> T) -> Result<T, SetError> {
         match &self.source {
-            Source::File(place) => Ok(read_at(place, take)?),
+            Source::File(place) => Ok(read_at(place, |payload| Ok(take(payload)))?),
+            Source::Pickle(file) => Ok(take(&pickles::read(file)?)),
             Source::Generated { family, seed, index, parameters } => family
                 .payload(self.id.as_str(), *seed, *index, parameters)
-                .and_then(|payload| Ok(take(&payload)?))
-                .map_err(|problem| SetError::Generated { id: self.id.to_string(), problem }),
+                .map(|payload| take(&payload))
+                .map_err(|problem| self.not_made(problem)),
         }
+    }
+
+    /// The scene in `bytes`, which [`SceneEntry::read`] gave, if it is of the name under which the set has it.
+    pub(super) fn decode(&self, bytes: &[u8]) -> Result<(Scene, Vec<Finding>), SetError> {
+        match &self.source {
+            Source::File(place) => {
+                let is_other = |(scene, _): &(Scene, _)| scene.id() != &self.id;
+                let decoded = womd::read(bytes).and_then(|loaded| match is_other(&loaded) {
+                    true => Err(WomdError::TwoIds { first: self.id.to_string(), last: loaded.0.id().to_string() }),
+                    false => Ok(loaded),
+                });
+                decoded.map_err(|problem| RecordError::at(place, RecordProblem::Womd(problem)).into())
+            }
+            Source::Pickle(file) => {
+                let is_other = |(scene, _): &(Scene, _)| scene.id() != &self.id;
+                let decoded = scenarionet::read(bytes).and_then(|loaded| match is_other(&loaded) {
+                    true => {
+                        Err(ScenarioNetError::TwoIds { first: self.id.to_string(), last: loaded.0.id().to_string() })
+                    }
+                    false => Ok(loaded),
+                });
+                decoded.map_err(|problem| RecordError::of_file(&file.path, problem.into()).into())
+            }
+            Source::Generated { .. } => womd::read(bytes).map_err(|problem| self.not_made(problem.into())),
+        }
+    }
+
+    fn not_made(&self, problem: GeneratedError) -> SetError {
+        SetError::Generated { id: self.id.to_string(), problem }
     }
 }
 

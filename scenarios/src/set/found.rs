@@ -45,6 +45,18 @@ pub enum Note {
         /// The ids.
         ids: Vec<String>,
     },
+    /// A database's index names files that are not there.
+    NotThere {
+        /// The index.
+        index: PathBuf,
+        /// The files, from its folder on.
+        files: Vec<String>,
+    },
+    /// A database's index names nothing that is there: all pickles around it are taken instead.
+    UselessIndex {
+        /// The index.
+        index: PathBuf,
+    },
     /// The word `demo` means the built-in set, though there is a file or folder of that name.
     DemoIsBuiltIn,
 }
@@ -52,16 +64,30 @@ pub enum Note {
 /// So many names are spelled out.
 const SHOWN_NAMES: usize = 3;
 
+struct Names<'a>(&'a [String]);
+
+impl fmt::Display for Names<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let files = self.0;
+        f.write_str(&files[..files.len().min(SHOWN_NAMES)].join(", "))?;
+        match files.len().saturating_sub(SHOWN_NAMES) {
+            0 => Ok(()),
+            more => write!(f, " and {more} more"),
+        }
+    }
+}
+
 impl fmt::Display for Note {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::PassedOver { input, files } => {
-                let shown = files[..files.len().min(SHOWN_NAMES)].join(", ");
-                write!(f, "{}: passed over {shown}", input.display())?;
-                match files.len().saturating_sub(SHOWN_NAMES) {
-                    0 => Ok(()),
-                    more => write!(f, " and {more} more"),
-                }
+                write!(f, "{}: passed over {}", input.display(), Names(files))
+            }
+            Self::NotThere { index, files } => {
+                write!(f, "{}: names files that are not there: {}", index.display(), Names(files))
+            }
+            Self::UselessIndex { index } => {
+                write!(f, "{}: no file that it names is there; all pickles of its folder are taken", index.display())
             }
             Self::Repeated { records: 1, id, first, second } => {
                 write!(f, "the scene {id} counts once: {second} has the same bytes as {first}")

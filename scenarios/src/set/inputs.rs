@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::file::SetFile;
 use super::found::{Found, Note};
-use super::{generate, index, scan};
+use super::{generate, index, pickles, scan};
 use crate::content::Content;
 use crate::error::SetError;
 use crate::tfrecord::{self, Packing, Restart, Unpack};
@@ -48,7 +48,7 @@ fn has_tfrecord_name(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().contains(".tfrecord"))
 }
 
-/// Endings of what lies beside shards and holds no scenes: indices, checksums, downloads under way, and ScenarioNet's pickles,
+/// Endings of what lies beside shards and is not read with them: indices, checksums, downloads under way, and ScenarioNet's pickles,
 /// which keep the shard's name in their own (`sd_training.tfrecord-....pkl`).
 const SIDE_FILES: [&str; 20] = [
     ".index",
@@ -83,6 +83,9 @@ fn is_side_file(name: &str) -> bool {
 
 /// A file by another name goes by content.
 fn open_file(path: &Path, found: &mut Found) -> Result<(), SetError> {
+    if path.to_string_lossy().ends_with(pickles::ENDING) {
+        return pickles::scan(path, found);
+    }
     if !has_tfrecord_name(path) {
         let start = start_of(path).map_err(|source| unreadable(path, source))?;
         if index::looks_like_index(&start) {
@@ -90,6 +93,7 @@ fn open_file(path: &Path, found: &mut Found) -> Result<(), SetError> {
         }
         if !holds_records(path, &start) {
             return Err(match Content::of(&start) {
+                Some(Content::Pickle) => return pickles::scan(path, found),
                 Some(content) => SetError::Foreign { path: path.into(), content },
                 None => SetError::NotRecognised { path: path.into() },
             });
@@ -115,12 +119,18 @@ fn holds_records(path: &Path, start: &[u8]) -> bool {
     tfrecord::looks_like_tfrecord(start) || unpacked().is_some_and(|start| tfrecord::looks_like_tfrecord(&start))
 }
 
+/// A folder's shards; where there are none at any depth, its pickles.
 fn open_folder(folder: &Path, found: &mut Found) -> Result<(), SetError> {
     let (mut files, mut passed_over) = (Vec::new(), Vec::new());
     find_files(folder, &mut files, &mut passed_over)?;
     files.sort();
     passed_over.sort();
     if files.is_empty() {
+        if passed_over.iter().any(|name| name.ends_with(pickles::ENDING)) && pickles::open_folder(folder, found)? > 0 {
+            passed_over.retain(|name| !name.ends_with(pickles::ENDING));
+            pass_over(folder, passed_over, found);
+            return Ok(());
+        }
         return Err(SetError::EmptyFolder { path: folder.into(), passed_over });
     }
     pass_over(folder, passed_over, found);
@@ -152,18 +162,32 @@ fn find_files(folder: &Path, files: &mut Vec<PathBuf>, passed_over: &mut Vec<Str
     Ok(())
 }
 
-/// A glob picks files and folders; among what it picks, side files are passed over, and files of other kinds are an error.
+/// A glob picks files and folders; among what it picks, side files are passed over, and files of other kinds are an error. Pickles are
+/// side files where it picks shards too; a database's index always is.
 fn open_glob(pattern: &str, found: &mut Found) -> Result<(), SetError> {
     let bad = |problem: glob::PatternError| SetError::BadGlob { pattern: pattern.into(), problem: problem.to_string() };
     let (mut any, mut passed_over) = (false, Vec::new());
-    for path in glob::glob(pattern).map_err(bad)? {
-        let path = path.map_err(|e| SetError::Io { path: e.path().into(), source: e.into() })?;
+    let paths = glob::glob(pattern).map_err(bad)?;
+    let mut paths = paths
+        .map(|path| path.map_err(|e| SetError::Io { path: e.path().into(), source: e.into() }))
+        .collect::<Result<Vec<_>, _>>()?;
+    let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let has_shards = paths.iter().any(|path| has_tfrecord_name(path) && !is_side_file(&name(path)) && path.is_file());
+    let is_passed_over = |path: &Path| {
+        let name = name(path);
+        match name.ends_with(pickles::ENDING) {
+            true => has_shards || pickles::is_index(&name),
+            false => has_tfrecord_name(path) && is_side_file(&name),
+        }
+    };
+    paths.sort_by_cached_key(|path| pickles::order(path));
+    for path in paths {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         if path.is_dir() {
             open_folder(&path, found)?;
         } else if name == GENERATED_TOML {
             continue;
-        } else if has_tfrecord_name(&path) && is_side_file(&name) {
+        } else if is_passed_over(&path) {
             passed_over.push(name.into_owned());
             continue;
         } else {

@@ -7,6 +7,7 @@ mod generate;
 pub(crate) mod index;
 mod inputs;
 mod logged;
+mod pickles;
 mod scan;
 
 use std::path::Path;
@@ -17,9 +18,9 @@ use world::scene::{Finding, Scene};
 
 use self::entry::Hash;
 use self::found::Found;
-use crate::error::{RecordError, RecordProblem, SetError};
+use crate::error::{RecordError, SetError};
 use crate::source::Source;
-use crate::womd::{self, WomdError};
+use crate::womd;
 
 pub use entry::SceneEntry;
 pub use file::{SetFile, TomlProblem};
@@ -38,7 +39,7 @@ pub struct SceneSet {
 }
 
 impl SceneSet {
-    /// The scenes of `inputs`: TFRecord files, packed or not, folders (searched through, in order of names), globs, scene-set
+    /// The scenes of `inputs`: TFRecord files, packed or not, ScenarioNet's pickles, folders (searched through, in order of names), globs, scene-set
     /// TOML files ([`SetFile`]), indices ([`SceneSet::index`]), or the word `demo`. Nothing means `demo`. Their order is that of the inputs, of the names within
     /// a folder or glob, and of the records within a file. A record that is there again with the same bytes counts once.
     ///
@@ -101,7 +102,9 @@ impl SceneSet {
     /// # Errors
     /// [`SetError`] if it cannot be read, is damaged, has changed since the set was opened, or cannot be used.
     pub fn load(&self, index: usize) -> Result<(Arc<Scene>, Vec<Finding>), SetError> {
-        self.take(index, womd::read).and_then(|loaded| self.named(index, loaded))
+        let entry = self.entry(index)?;
+        let (scene, findings) = entry.read(|bytes| entry.decode(bytes))??;
+        Ok((Arc::new(scene), findings))
     }
 
     /// As [`SceneSet::load`], and takes the hash of what it reads, for [`SceneSet::sha256`] to tell.
@@ -109,15 +112,16 @@ impl SceneSet {
     /// # Errors
     /// As [`SceneSet::load`].
     pub fn load_hashed(&self, index: usize) -> Result<(Arc<Scene>, Vec<Finding>), SetError> {
-        let read = |payload: &[u8]| {
-            self.hashes[index].get_or_init(|| Hash::of(payload));
-            womd::read(payload)
-        };
-        self.take(index, read).and_then(|loaded| self.named(index, loaded))
+        let entry = self.entry(index)?;
+        let (scene, findings) = entry.read(|bytes| {
+            self.hashes[index].get_or_init(|| Hash::of(bytes));
+            entry.decode(bytes)
+        })??;
+        Ok((Arc::new(scene), findings))
     }
 
-    /// SHA-256 of the payload of scene `index`, in hexadecimal digits: which scene it is, whatever its file is called. It is read for that,
-    /// unless it was before.
+    /// SHA-256 of the payload of scene `index`, or of the whole pickle, in hexadecimal digits: which scene it is, whatever its file is called.
+    /// It is read for that, unless it was before.
     ///
     /// # Errors
     /// [`SetError`] if it cannot be read, is damaged, or has changed since the set was opened.
@@ -125,7 +129,7 @@ impl SceneSet {
         if let Some(hash) = self.known_sha256(index) {
             return Ok(hash);
         }
-        let hash = self.take(index, |payload| Ok(Hash::of(payload)))?;
+        let hash = self.entry(index)?.hash()?;
         Ok(self.hashes[index].get_or_init(|| hash).to_string())
     }
 
@@ -144,12 +148,16 @@ impl SceneSet {
         wrong.find_map_first(|error| error).map_or(Ok(()), Err)
     }
 
-    /// The payload of scene `index` as it lies in its file, to be copied to another.
+    /// The payload of scene `index` as it lies in its file, to be copied to another; of a pickle the scene as WOMD's message.
     ///
     /// # Errors
     /// [`SetError`] if it cannot be read, is damaged, or has changed since the set was opened.
     pub fn payload(&self, index: usize) -> Result<Vec<u8>, SetError> {
-        self.take(index, |payload| Ok(payload.to_vec()))
+        let entry = self.entry(index)?;
+        match entry.source {
+            Source::Pickle(_) => self.load(index).map(|(scene, _)| womd::write(&scene)),
+            _ => entry.read(<[u8]>::to_vec),
+        }
     }
 
     /// The set's index, to be written to a file in `folder`: an input that stands for this set and is opened without searching, skimming or
@@ -159,24 +167,8 @@ impl SceneSet {
         index::write(&self.entries, folder)
     }
 
-    fn take<T>(&self, index: usize, take: impl FnOnce(&[u8]) -> Result<T, WomdError>) -> Result<T, SetError> {
+    fn entry(&self, index: usize) -> Result<&SceneEntry, SetError> {
         let scenes = self.entries.len();
-        self.entries.get(index).ok_or(SetError::Number { index, scenes })?.read(take)
-    }
-
-    /// What was loaded, if it is of the name under which the set has it.
-    fn named(
-        &self,
-        index: usize,
-        (scene, findings): (Scene, Vec<Finding>),
-    ) -> Result<(Arc<Scene>, Vec<Finding>), SetError> {
-        let SceneEntry { id, source } = &self.entries[index];
-        match source {
-            Source::File(place) if scene.id() != id => {
-                let problem = WomdError::TwoIds { first: id.to_string(), last: scene.id().to_string() };
-                Err(RecordError::at(place, RecordProblem::Womd(problem)).into())
-            }
-            _ => Ok((Arc::new(scene), findings)),
-        }
+        self.entries.get(index).ok_or(SetError::Number { index, scenes })
     }
 }

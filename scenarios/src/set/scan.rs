@@ -30,7 +30,7 @@ pub(super) fn scan(path: &Path, found: &mut Found) -> Result<(), SetError> {
     let foreign = Content::of(&start).filter(|content| !matches!(content, Content::Packed(_)));
     if let Some(content) = foreign.filter(|_| !looks_like_tfrecord(&start)) {
         let problem = RecordProblem::Foreign(content);
-        found.bad.push(RecordError { path: path.into(), record: 0, offset: 0, packing: None, problem });
+        found.bad.push(RecordError { path: path.into(), record: 0, offset: 0, packing: None, whole: false, problem });
         return Ok(());
     }
     let metadata = file.metadata().map_err(io)?;

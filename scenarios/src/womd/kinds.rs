@@ -37,7 +37,7 @@ const SIGNALS: [SignalState; 9] = [
 ];
 
 /// A kind that WOMD numbers.
-pub(super) trait Numbered: Copy + PartialEq + 'static {
+pub(crate) trait Numbered: Copy + PartialEq + 'static {
     const TABLE: &'static [Self];
 
     fn from_number(number: i32) -> Self {

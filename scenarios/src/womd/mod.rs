@@ -2,7 +2,7 @@
 //!
 //! [`read`] takes a record's payload and gives a checked scene; [`write()`] is its inverse; [`Skim`] finds the id alone. None does IO.
 
-mod kinds;
+pub(crate) mod kinds;
 pub mod message;
 mod read;
 mod skim;

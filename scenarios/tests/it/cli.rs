@@ -159,5 +159,30 @@ fn the_word_demo_means_the_built_in_set_whatever_lies_here_by_that_name() {
         "{built_in}"
     );
     let own = run_in(folder.path(), &["list", "./demo"]);
-    assert!(own.contains("error: the folder ./demo holds no TFRecord file"), "{own}");
+    assert!(own.contains("error: the folder ./demo holds neither TFRecord files nor pickles"), "{own}");
+}
+
+#[test]
+fn samples_are_fetched_after_the_licence_alone_and_only_those_that_are_known() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("other.whl"), "another package").unwrap();
+    std::fs::create_dir(folder.path().join("there")).unwrap();
+    std::fs::write(folder.path().join("there/1.pkl"), "mine").unwrap();
+    let fetch = |rest: &[&str]| run_in(folder.path(), &[&["fetch", "metadrive-samples"], rest].concat());
+    let unasked = fetch(&["--out", "samples"]);
+    assert!(
+        unasked.contains("non-commercial use alone") && unasked.contains("https://waymo.com/open/terms"),
+        "{unasked}"
+    );
+    assert!(
+        unasked.contains("error: the licence has to be agreed to") && unasked.ends_with("--- exit 2\n"),
+        "{unasked}"
+    );
+    let wrong = fetch(&["--out", "samples", "--yes", "--from", "other.whl"]);
+    assert!(wrong.contains("error: other.whl has the SHA-256 ") && wrong.contains("nothing of it was used"), "{wrong}");
+    assert!(!folder.path().join("samples").exists());
+    let gone = fetch(&["--out", "samples", "--yes", "--from", "gone.whl"]);
+    assert!(gone.contains("error: gone.whl: "), "{gone}");
+    let there = fetch(&["--out", "there", "--yes", "--from", "other.whl"]);
+    assert!(there.contains("error: there/1.pkl is there already"), "{there}");
 }

@@ -12,6 +12,7 @@ mod real;
 mod render;
 #[path = "../../src/lint/tests/road.rs"]
 mod road;
+mod scenarionet;
 mod sets;
 mod skim;
 mod stats;

@@ -88,7 +88,7 @@ fn a_file_is_entered_where_the_scene_is_not_at_its_beginning() {
     let set = set.unwrap();
     let entered = |index: usize| match &set.entries()[index].source {
         Source::File(place) => (place.offset, place.file.packed.as_ref().unwrap().before(place.offset).unpacked()),
-        Source::Generated { .. } => panic!(),
+        _ => panic!(),
     };
     let far = (0..ids.len()).map(entered).map(|(offset, entered)| offset - entered).max().unwrap();
     assert!(plain.len() > 10 << 20 && far < (4 << 20) + 2 * payload.len() as u64, "{far} of {}", plain.len());

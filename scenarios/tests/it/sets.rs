@@ -191,13 +191,13 @@ fn a_path_that_is_not_there_is_told_by_what_it_looks_like() {
     ");
     fs::write(folder.path().join("scene"), b"\x80\x04\x95\x0b\0\0\0\0\0\0\0}").unwrap();
     insta::assert_snapshot!(error("scene"), @"
-    HERE/scene is a Python pickle (of ScenarioNet?), not a TFRecord
-    hint: give the TFRecord files that it was made from: WOMD's own, in scenario format
+    HERE/scene: byte 12: the pickle is cut off: 1 more bytes belong to it here
+    hint: the file is cut off, damaged or no pickle: fetch it again and compare its checksum
     ");
     fs::create_dir(folder.path().join("nuplan")).unwrap();
     fs::write(folder.path().join("nuplan/2021.db"), b"SQLite format 3\0").unwrap();
     insta::assert_snapshot!(error("nuplan"), @"
-    the folder HERE/nuplan holds no TFRecord file, but 2021.db
+    the folder HERE/nuplan holds neither TFRecord files nor pickles, but 2021.db
     hint: nuPlan's logs are not read: give WOMD's TFRecord files, in scenario format
     ");
 }

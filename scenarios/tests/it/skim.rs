@@ -23,7 +23,7 @@ fn survey(path: &Path) -> (SceneSet, Vec<RecordError>) {
 fn place(set: &SceneSet, index: usize) -> &Place {
     match &set.entries()[index].source {
         Source::File(place) => place,
-        Source::Generated { .. } => panic!("it lies in a file"),
+        _ => panic!("it lies in no TFRecord file"),
     }
 }
 
