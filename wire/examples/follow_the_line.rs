@@ -1,3 +1,4 @@
+//! A planner of one's own: along the reference line, no faster than the limit, and to a halt behind whoever is in the way.
 use std::sync::Arc;
 
 use clap::Parser;
@@ -9,8 +10,8 @@ fn follow_the_line(step: &StepInput<'_>) -> Result<UncheckedPlan, String> {
     let (here, _) = window.nearest(seen.av.position()).ok_or("there is no line")?;
     let agents = seen.agents.iter().filter_map(|agent| window.nearest(agent.state.position()));
     let ahead = agents.filter(|(at, aside)| *at > here && *aside < 2.5).map(|(at, _)| at).min();
-    let room = ahead.map_or(100.0, |at| 0.1 * (at - here) as f64 - 8.0); // metres to stop in
-    let goal = (2.0 * 2.0 * room.max(0.0)).sqrt().min(window.speed_limit_at(here).max(5.0));
+    let room = ahead.map_or(100.0, |at| 0.1 * (at - here) as f64 - 10.0); // metres to stop in
+    let goal = (2.0 * 1.2 * room.max(0.0)).sqrt().min(window.speed_limit_at(here).max(5.0));
     let (mut driven, mut speed) = (0.0, seen.av.speed());
     let state = |_| {
         speed += (goal - speed).clamp(-0.4, 0.15); // m/s in 0.1 s
