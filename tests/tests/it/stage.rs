@@ -89,7 +89,12 @@ impl Stage {
 
     /// `sim` with these arguments, split at spaces.
     pub fn command(&self, arguments: &str) -> Command {
-        let mut command = Command::new(program("sim"));
+        self.command_of(&program("sim"), arguments)
+    }
+
+    /// The same of a `sim` that lies elsewhere.
+    pub fn command_of(&self, sim: &Path, arguments: &str) -> Command {
+        let mut command = Command::new(sim);
         command.args(arguments.split_whitespace()).current_dir(self.folder.path());
         command.env(MARK, self.folder.path()).env_remove("RUST_LOG").env_remove("COLUMNS");
         if let Some(lie) = &self.lie {

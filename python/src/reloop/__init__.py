@@ -1,0 +1,79 @@
+"""reloop in Python: planners and predictors on its bus, its results and its recordings.
+
+A planner::
+
+    import reloop
+
+    @reloop.planner
+    def mine(step):
+        line = step.window
+        station, _ = line.project(step.av.x, step.av.y)
+        ...  # x, y, heading, speed of the next 50 steps of 0.1 s
+        return states
+
+    reloop.serve(mine)
+
+It is started by ``sim run --planner-command "python mine.py"``. The guide is ``docs/python.md``.
+
+SI units, radians, the log's frame, heading counter-clockwise from +x.
+"""
+
+from __future__ import annotations
+
+from .connection import Stop
+from .errors import AnswerError, NodeError, ReadError, ReloopError
+from .messages import WIRE_VERSION
+from .nodes import Planner, Predictor, planner, predictor
+from .options import Options
+from .plan import PLAN_STEPS, STEP_SECONDS, Plan
+from .prediction import Future, Prediction
+from .recordings import Episode, RecordedStep, episode
+from .runs import Results, results
+from .serve import join, serve
+from .views.agents import AgentKind, Agents
+from .views.history import History, Moment
+from .views.line import Line, Window
+from .views.roads import Map
+from .views.scene import Scene
+from .views.signals import Signals, SignalState
+from .views.state import Control, State
+from .views.step import Step
+
+__all__ = [
+    "PLAN_STEPS",
+    "STEP_SECONDS",
+    "WIRE_VERSION",
+    "AgentKind",
+    "Agents",
+    "AnswerError",
+    "Control",
+    "Episode",
+    "Future",
+    "History",
+    "Line",
+    "Map",
+    "Moment",
+    "NodeError",
+    "Options",
+    "Plan",
+    "Planner",
+    "Prediction",
+    "Predictor",
+    "ReadError",
+    "RecordedStep",
+    "ReloopError",
+    "Results",
+    "Scene",
+    "SignalState",
+    "Signals",
+    "State",
+    "Step",
+    "Stop",
+    "Window",
+    "episode",
+    "join",
+    "planner",
+    "predictor",
+    "results",
+    "serve",
+]

@@ -1,0 +1,111 @@
+"""Serving: the program of a node, from its arguments to its exit code."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+from . import messages
+from .connection import Connection, Stop, Telling
+from .desk import Desk
+from .errors import NodeError
+from .nodes import Node, Planner, Predictor
+from .options import Options
+
+log = logging.getLogger("reloop")
+
+#: Exit code of a node that could not join its run, or was not let in.
+EXIT_REFUSED = 2
+#: Exit code after Ctrl-C.
+EXIT_INTERRUPTED = 130
+
+
+def serve(make: Callable[[], Node], options: Options | None = None) -> None:
+    """Answers the sim's observations until the run ends. This is the last line of a planner's or predictor's program.
+
+    ``make``: a subclass of ``Planner`` or ``Predictor``, a decorated function, or any callable without arguments that
+    gives one; it is called once for each episode. ``options``: where to connect to; from arguments and environment by
+    default.
+
+    Returns when the sim is done. Where the run cannot be joined it says why on standard error and exits with code 2.
+    """
+    logging.basicConfig(stream=sys.stderr, format="%(message)s", level=logging.INFO)
+    # What the user prints is to appear as it is said, through a pipe too.
+    if hasattr(sys.stdout, "reconfigure"):
+        sys.stdout.reconfigure(line_buffering=True)
+    try:
+        stop = join(make, options or Options.read())
+        log.debug("leaving: %s", stop.value)
+    except NodeError as error:
+        sys.exit(_said(error))
+    except KeyboardInterrupt:
+        sys.exit(EXIT_INTERRUPTED)
+
+
+def _said(error: NodeError) -> int:
+    print(f"error: {error}", file=sys.stderr, flush=True)
+    return EXIT_REFUSED
+
+
+def join(make: Callable[[], Node], options: Options) -> Stop:
+    """As ``serve``, for programs that are more than a node: says why the run ended.
+
+    Raises ``NodeError`` where it cannot be joined.
+    """
+    # The first is made now: what is wrong with it is said before anything is driven. It serves the first episode.
+    first = make()
+    role = _role(first)
+    waiting = [first]
+
+    def next_node() -> Node:
+        return waiting.pop() if waiting else make()
+
+    with Connection.open(options) as connection:
+        info = connection.run_info()
+        needs_prediction = isinstance(first, Planner) and first.needs_prediction
+        if needs_prediction and not info.predictor:
+            raise NodeError(
+                f"this planner needs a predictor, and run {options.run} has none\n"
+                "  hint: give it one with `sim run --predictor ctrv`"
+            )
+        desks: dict[str, Desk] = {}
+        channel = "plan" if role == "planner" else "prediction"
+
+        def hear(telling: Telling) -> None:
+            worker = telling.worker
+            if worker not in desks:
+                desks[worker] = Desk(
+                    role, next_node, needs_prediction=needs_prediction, ask_scene=lambda: connection.scene(worker)
+                )
+            began = time.monotonic()
+            answer = desks[worker].take(_told(telling))
+            if answer is not None:
+                connection.say(telling.key, channel, answer)
+                _complain(answer, time.monotonic() - began, info.deadline)
+
+        return connection.serve(role, hear)
+
+
+def _role(node: object) -> str:
+    if isinstance(node, Planner):
+        return "planner"
+    if isinstance(node, Predictor):
+        return "predictor"
+    raise TypeError(f"reloop.serve wants a Planner or a Predictor, and what it was given makes a {type(node).__name__}")
+
+
+def _told(telling: Telling) -> Any:
+    return messages.Told.FromString(telling.payload)
+
+
+def _complain(answer: Any, seconds: float, deadline: float | None) -> None:
+    """Says so where an answer came too late: the sim has ended the episode by then."""
+    if deadline is None or seconds <= deadline:
+        return
+    step = answer.plan.step if answer.HasField("plan") else answer.prediction.step
+    log.error(
+        "step %d took %.1f s; the sim waits %g s (`sim run --deadline 30s` has it wait longer)", step, seconds, deadline
+    )

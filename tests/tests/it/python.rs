@@ -1,0 +1,205 @@
+//! The Python SDK: installed as its guide says, its examples drive under the real `sim`, and its own tests pass.
+//!
+//! Needs Python 3.11 with `venv`; and once a package index, for what it depends on. It skips, and says so, where there is neither.
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use results::parquet::Table;
+
+use crate::stage::{Ended, Stage, assert_same, program};
+
+/// What the package and its tests need of the package index, installed first: where even that cannot be had, there is no index.
+const FROM_THE_INDEX: [&str; 7] =
+    ["eclipse-zenoh~=1.10.2", "mcap<2", "numpy", "pandas", "protobuf<8", "pyarrow", "setuptools>=77"];
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
+}
+
+fn ran(command: &mut Command) -> Output {
+    command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"))
+}
+
+fn said(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+/// All that is installed, as text: whether it is what the environment holds already.
+fn sources() -> Vec<u8> {
+    let package = repository().join("python");
+    let mut folders = vec![package.join("src/reloop")];
+    let mut files = vec![package.join("pyproject.toml")];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            match path.extension().and_then(|extension| extension.to_str()) {
+                Some("py" | "binpb" | "typed") => files.push(path),
+                _ if path.is_dir() => folders.push(path),
+                _ => {}
+            }
+        }
+    }
+    files.sort();
+    files.iter().flat_map(|file| [file.display().to_string().into_bytes(), fs::read(file).unwrap()].concat()).collect()
+}
+
+/// The Python of an environment with the package in it, made once for each state of the package; none, with a word about it, where there is no
+/// Python or no package index.
+fn python() -> Option<PathBuf> {
+    let target = std::env::current_exe().unwrap().ancestors().nth(3).unwrap().to_owned();
+    let environment = target.join("python-sdk-venv");
+    // Each test is a process of its own: the first makes it, the others wait.
+    let lock = File::create(target.join("python-sdk-venv.lock")).unwrap();
+    lock.lock().unwrap();
+    let (python, stamp) = (environment.join("bin/python"), environment.join("reloop-sources"));
+    let sources = sources();
+    if fs::read(&stamp).is_ok_and(|installed| installed == sources) {
+        return Some(python);
+    }
+    let new_enough = "import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))";
+    let found = Command::new("python3").args(["-c", new_enough]).output();
+    if !found.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: no python3 of version 3.11 or later, with venv");
+        return None;
+    }
+    let made = ran(Command::new("python3").args(["-m", "venv"]).arg(&environment));
+    assert!(made.status.success(), "{}", said(&made));
+    let pip = || {
+        let mut command = Command::new(&python);
+        command.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]);
+        command
+    };
+    let needed = ran(pip().args(FROM_THE_INDEX));
+    if !needed.status.success() {
+        eprintln!("skipped: no package index, or it has not what the package needs: {}", said(&needed));
+        return None;
+    }
+    // From a copy, for setuptools leaves files beside what it builds.
+    let copy = tempfile::tempdir().unwrap();
+    let copied = ran(Command::new("cp").arg("-r").arg(repository().join("python")).arg(copy.path()));
+    assert!(copied.status.success(), "{}", said(&copied));
+    let installed = ran(pip().arg("--upgrade").arg(copy.path().join("python")));
+    assert!(installed.status.success(), "{}", said(&installed));
+    // Of the same version, pip leaves what is installed as it is.
+    let again = ran(pip().args(["--force-reinstall", "--no-deps"]).arg(copy.path().join("python")));
+    assert!(again.status.success(), "{}", said(&again));
+    fs::write(stamp, sources).unwrap();
+    Some(python)
+}
+
+fn example(name: &str) -> PathBuf {
+    repository().join("python/examples").join(name)
+}
+
+/// Drives the small set with this sim and this planner.
+fn drive(stage: &Stage, sim: &Path, planner: &str, arguments: &str) -> Ended {
+    let mut command = stage.command_of(sim, &format!("run --scenarios small.toml {arguments}"));
+    let output = command.args(["--planner-command", planner]).output().unwrap();
+    stage.wait_until_alone();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    Ended { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
+}
+
+/// Some of the package's own tests, or all.
+fn tests(python: &Path) -> Command {
+    let mut tests = Command::new(python);
+    tests.args(["-m", "unittest"]).current_dir(repository().join("python/tests")).env("PYTHONDONTWRITEBYTECODE", "1");
+    tests
+}
+
+/// Its results and recordings, as the package reads them, say the same.
+fn read_by_the_package(python: &Path, run: &Path) {
+    let tested = ran(tests(python).arg("test_runs").env("RELOOP_FINISHED_RUN", run));
+    assert!(tested.status.success() && !said(&tested).contains("skipped"), "{}", said(&tested));
+}
+
+#[test]
+fn the_messages_that_are_built_in_are_those_of_the_bus() {
+    let built_in = fs::read(repository().join("python/src/reloop/reloop.binpb")).unwrap();
+    let hint = "write them anew: python -m reloop.messages wire/proto/reloop.proto";
+    assert!(
+        built_in == wire::FILE_DESCRIPTOR_SET,
+        "python/src/reloop/reloop.binpb is not wire/proto/reloop.proto; {hint}"
+    );
+}
+
+#[test]
+fn the_guide_shows_the_example_in_fifteen_lines() {
+    let planner = fs::read_to_string(example("planner.py")).unwrap();
+    assert!(planner.lines().count() <= 15);
+    let guide = fs::read_to_string(repository().join("docs/python.md")).unwrap();
+    assert!(
+        guide.contains(&format!("```python\n{planner}```")),
+        "docs/python.md does not show python/examples/planner.py"
+    );
+}
+
+#[test]
+fn fifteen_lines_drive_to_the_end_and_the_run_is_read_as_frames_and_arrays() {
+    let Some(python) = python() else { return };
+    let planner = format!("'{}' '{}'", python.display(), example("planner.py").display());
+    let stage = Stage::new();
+    for (workers, run) in [(1, "one"), (2, "two")] {
+        let arguments = format!("--predictor ctrv --parallel {workers} --out {run}");
+        let ended = drive(&stage, &program("sim"), &planner, &arguments);
+        assert_eq!(ended.code, Some(0), "{ended:?}");
+    }
+    assert_same(&stage.files("one"), &stage.files("two"));
+    let table = Table::read(&stage.path("one/results.parquet")).unwrap();
+    assert_eq!(table.text("end_reason").unwrap(), ["horizon"; 3]);
+    assert_eq!(table.number("at_fault_collision").unwrap(), [Some(0.0); 3]);
+    let progress = table.number("progress_m").unwrap();
+    assert!(progress.iter().all(|metres| metres.is_some_and(|metres| metres > 20.0)), "{progress:?}");
+    read_by_the_package(&python, &stage.path("one"));
+}
+
+/// `sim run` has no option for a predictor of others. Here one stands where its own is looked for: beside it.
+#[test]
+fn a_predictor_in_python_predicts_under_the_real_sim() {
+    let Some(python) = python() else { return };
+    let stage = Stage::new();
+    let programs = stage.path("programs");
+    fs::create_dir(&programs).unwrap();
+    for name in ["sim", "planner-node", "recorder"] {
+        fs::copy(program(name), programs.join(name)).unwrap();
+    }
+    let predictor = programs.join("predictor-node");
+    let line = format!("#!/bin/sh\nexec '{}' '{}' \"$@\"\n", python.display(), example("predictor.py").display());
+    fs::write(&predictor, line).unwrap();
+    assert!(ran(Command::new("chmod").arg("+x").arg(&predictor)).status.success());
+    let planner = format!("'{}' '{}'", python.display(), example("planner.py").display());
+    let arguments = "--predictor ctrv --parallel 1 --out run";
+    let ended = drive(&stage, &programs.join("sim"), &planner, arguments);
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    read_by_the_package(&python, &stage.path("run"));
+}
+
+#[test]
+fn an_exception_in_a_plan_is_the_reason_and_its_traceback_is_in_the_log() {
+    let Some(python) = python() else { return };
+    let stage = Stage::new();
+    let text = "import reloop\n\n\
+                @reloop.planner\n\
+                def plan(step):\n    \
+                    if step.number == 7:\n        \
+                        raise LookupError('no way ahead')\n    \
+                    return [(step.av.x, step.av.y, step.av.heading, 0)] * 50\n\n\
+                reloop.serve(plan)\n";
+    fs::write(stage.path("mine.py"), text).unwrap();
+    let planner = format!("'{}' mine.py", python.display());
+    let ended = drive(&stage, &program("sim"), &planner, "--record none --parallel 1 --out run");
+    assert_eq!(ended.code, Some(1), "{ended:?}");
+    let details = Table::read(&stage.path("run/results.parquet")).unwrap().text("end_detail").unwrap();
+    assert!(details.iter().all(|detail| detail.contains("LookupError: no way ahead (mine.py:6)")), "{details:?}");
+    let log = fs::read_to_string(stage.path("run/logs/w0.log")).unwrap();
+    assert!(log.contains("mine.py:6 in plan: raise LookupError('no way ahead')"), "{log}");
+}
+
+#[test]
+fn its_own_tests_pass() {
+    let Some(python) = python() else { return };
+    let tested = ran(&mut tests(&python));
+    assert!(tested.status.success(), "{}", said(&tested));
+}
