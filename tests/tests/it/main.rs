@@ -8,6 +8,7 @@
 //! | `killed.rs` | a killed run is continued, and comes out as if it had not been |
 //! | `healed.rs` | a retried run, and one whose disk was full, come out as if nothing had happened; changed files are named |
 //! | `planner_command.rs` | a planner's command is one for a shell; what it says is logged |
+//! | `own_planner.rs` | the example of a planner in Rust drives |
 //! | `python.rs` | the Python SDK: planners and predictors in it drive, and it reads what a run leaves |
 //! | `nodes.rs` | nodes that die, stall or lie cost their own episode and nothing else |
 //! | `recorder.rs` | a recorder that dies costs recordings and no result |
