@@ -94,6 +94,20 @@ fn a_stray_planner_is_refused_and_both_are_named() {
 }
 
 #[test]
+fn a_planner_that_knows_another_secret_than_the_runs_says_so_and_leaves() {
+    let stage = Stage::new();
+    let endpoint = endpoint();
+    let mut sim = stage.command("run --planner external --scenarios small.toml --record none --out run --endpoint");
+    let mut sim = sim.arg(&endpoint).env("RELOOP_SECRET", "right").spawn().unwrap();
+    let mut stray = planner_node(&stage, &endpoint, "external-strict");
+    let stray = ended(stray.env("RELOOP_SECRET", "wrong").spawn().unwrap());
+    sim.kill().unwrap();
+    sim.wait().unwrap();
+    assert_eq!(stray.code, Some(2), "{stray:?}");
+    assert!(stray.err.contains("does not know this node") && stray.err.contains("hint: is RELOOP_SECRET"), "{stray:?}");
+}
+
+#[test]
 fn what_a_stranger_puts_on_the_bus_changes_nothing_and_is_named() {
     let stage = Stage::new();
     let expected = undisturbed(&stage, "");

@@ -107,6 +107,18 @@ pub enum NodeError {
         /// Whether this node was told a secret.
         told_secret: bool,
     },
+    /// There is the simulator of this run, and it says nothing to this node: no seat of it has this secret.
+    #[error(
+        "the simulator of run {run} at {endpoint} does not know this node: nobody let it in within {} s\n  hint: is RELOOP_SECRET what `sim run` said? Each \
+         run has another, unless you set it for the simulator too",
+        RUN_TIMEOUT.as_secs()
+    )]
+    Unknown {
+        /// The run.
+        run: RunName,
+        /// Where.
+        endpoint: String,
+    },
     /// The signal handler could not be set.
     #[error("cannot listen for Ctrl-C: {0}")]
     Signals(String),
@@ -269,6 +281,8 @@ impl Connection {
         let first = notices.recv_timeout(RUN_TIMEOUT);
         let mut next =
             first.map_err(|_: RecvTimeoutError| NodeError::NoRun { run: run.clone(), endpoint: endpoint.clone() });
+        // Whoever sits on the open floor is told nothing unless it is refused.
+        let mut is_let_in = self.place.is_open();
         loop {
             match next? {
                 Notice::Stop(stop) => return Ok(stop),
@@ -276,14 +290,27 @@ impl Connection {
                     return Err(NodeError::WrongVersion { theirs: version, ours: WIRE_VERSION });
                 }
                 Notice::Sim { .. } => {}
-                Notice::Admission(word) if word.accepted => tracing::info!("serving run {run} at {endpoint}"),
+                Notice::Admission(word) if word.accepted => {
+                    is_let_in = true;
+                    tracing::info!("serving run {run} at {endpoint}");
+                }
                 Notice::Admission(word) => {
                     let (node, reason) = (node.to_string(), shown(&word.reason));
                     return Err(NodeError::Refused { node, reason, told_secret: !self.place.is_open() });
                 }
             }
             // Every sender gone means that the session is: so is the simulator.
-            next = Ok(notices.recv().unwrap_or(Notice::Stop(Stop::SimGone)));
+            let gone = Notice::Stop(Stop::SimGone);
+            next = if is_let_in {
+                Ok(notices.recv().unwrap_or(gone))
+            } else {
+                match notices.recv_timeout(RUN_TIMEOUT) {
+                    Err(RecvTimeoutError::Timeout) => {
+                        Err(NodeError::Unknown { run: run.clone(), endpoint: endpoint.clone() })
+                    }
+                    notice => Ok(notice.unwrap_or(gone)),
+                }
+            };
         }
     }
 
