@@ -103,7 +103,7 @@ pub enum Planner {
     External,
 }
 
-/// A member of `planner-node` or `predictor-node`.
+/// A member of `planner-node` or `predictor-node`, or a predictor of the user's.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct Node {
@@ -117,13 +117,26 @@ pub struct Node {
     /// SHA-256, in hexadecimal digits, of the weights that it has.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weights_sha256: Option<String>,
+    /// For the shell, where it is no member but a command of the user's; a node's arguments are its `$@`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub command: Option<String>,
+    /// SHA-256, in hexadecimal digits, of the files that the command names: a predictor that was changed makes another run.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub files: BTreeMap<String, String>,
 }
 
 impl Node {
     /// The member of that name, with nothing beside.
     #[must_use]
     pub fn named(name: &str, reads_log: bool) -> Self {
-        Self { name: name.to_owned(), reads_log, options: Vec::new(), weights_sha256: None }
+        Self {
+            name: name.to_owned(),
+            reads_log,
+            options: Vec::new(),
+            weights_sha256: None,
+            command: None,
+            files: BTreeMap::new(),
+        }
     }
 }
 

@@ -134,6 +134,10 @@ pub struct RunArgs {
     #[arg(long, value_name = "NAME", help_heading = "What to drive")]
     pub predictor: Option<Predictor>,
 
+    /// A predictor of your own: a shell command, as --planner-command
+    #[arg(long, value_name = "COMMAND", conflicts_with_all = ["predictor", "weights", "features"], help_heading = "What to drive")]
+    pub predictor_command: Option<String>,
+
     /// Weights of the prediction network, a .safetensors file [default: those of dipp, built in; sep, il-pred and il have none]
     #[arg(long, value_name = "FILE", help_heading = "What to drive")]
     pub weights: Option<PathBuf>,
@@ -188,7 +192,7 @@ pub struct RunArgs {
     pub parallel: Option<u16>,
 
     /// Drive in this process, without nodes and bus: the same results and recordings at less cost; for drivers of ours
-    #[arg(long, conflicts_with_all = ["planner", "planner_command", "endpoint"], help_heading = "How to run")]
+    #[arg(long, conflicts_with_all = ["planner", "planner_command", "predictor_command", "endpoint"], help_heading = "How to run")]
     pub in_process: bool,
 
     /// Keep each worker with its nodes on a core of its own: faster, where nothing else wants the cores
@@ -222,6 +226,7 @@ impl RunArgs {
             driver,
             weights,
             predictor,
+            predictor_command: None,
             planner_command,
             record: Record::None,
             paths: Vec::new(),

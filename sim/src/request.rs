@@ -98,17 +98,25 @@ impl Request {
                 (Planner::Node(node), row.name, row.predictor, row.motion)
             }
         };
-        if wants == Predictor::Network && arguments.predictor.is_some_and(|asked| asked != wants) {
+        let predicts = arguments.predictor_command;
+        let is_other = predicts.is_some() || arguments.predictor.is_some_and(|asked| asked != wants);
+        if wants == Predictor::Network && is_other {
             return Err(RequestError::NeedsNetwork(name));
         }
         if wants != Predictor::None && arguments.predictor == Some(Predictor::None) {
             return Err(RequestError::NeedsPredictor(name));
         }
-        let predictor = match arguments.predictor.unwrap_or(wants) {
-            Predictor::None => None,
-            Predictor::Ctrv => Some(Node::named("ctrv", false)),
-            Predictor::Oracle => Some(Node::named("oracle", true)),
-            Predictor::Network => Some(network(row, arguments.weights.as_deref(), arguments.features.as_deref())?),
+        let predictor = match (predicts, arguments.predictor.unwrap_or(wants)) {
+            (Some(command), _) => {
+                let files = files_named_in(&command);
+                Some(Node { command: Some(command), files, ..Node::named("command", false) })
+            }
+            (None, Predictor::None) => None,
+            (None, Predictor::Ctrv) => Some(Node::named("ctrv", false)),
+            (None, Predictor::Oracle) => Some(Node::named("oracle", true)),
+            (None, Predictor::Network) => {
+                Some(network(row, arguments.weights.as_deref(), arguments.features.as_deref())?)
+            }
         };
         let has_network = predictor.as_ref().is_some_and(|node| node.weights_sha256.is_some());
         if !has_network && (arguments.weights.is_some() || arguments.features.is_some()) {
@@ -117,7 +125,7 @@ impl Request {
         let driver = match (&arguments.label, &predictor) {
             (Some(label), _) => checked_label(label)?,
             // Another predictor than its own makes another driver: tables must not call both the same.
-            (None, Some(node)) if own || arguments.predictor.is_some_and(|p| p != wants) => {
+            (None, Some(node)) if own || is_other => {
                 format!("{name}-{}", node.name)
             }
             (None, _) => name.to_owned(),

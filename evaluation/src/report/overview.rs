@@ -96,6 +96,9 @@ fn planner(planner: &Planner) -> String {
 }
 
 fn node(node: &Node) -> String {
+    if let Some(command) = &node.command {
+        return format!("command {command}");
+    }
     let weights = node.weights_sha256.iter().map(|hash| format!("weights {}", hash.get(..HASH).unwrap_or(hash)));
     let told = std::iter::once(node.name.clone()).chain(node.options.iter().cloned()).collect::<Vec<_>>().join(" ");
     std::iter::once(told).chain(weights).collect::<Vec<_>>().join(", ")

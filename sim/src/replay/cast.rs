@@ -81,14 +81,18 @@ fn own_weights(file: &RunFile, asked: Option<&Path>) -> Result<Option<String>, C
     }
 }
 
-/// Those of the files that a planner's command names that are others now than when the run was driven.
+/// Those of the files that commands of the user's name that are others now than when the run was driven.
 #[must_use]
 pub fn changed_files(file: &RunFile) -> Vec<&str> {
-    let Planner::Command { files, .. } = &file.settings.planner else { return Vec::new() };
+    let of_planner = match &file.settings.planner {
+        Planner::Command { files, .. } => Some(files),
+        Planner::Node(_) | Planner::External => None,
+    };
+    let files = of_planner.into_iter().chain(file.settings.predictor.iter().map(|node| &node.files)).flatten();
     let is_other = |(path, sha256): &(&String, &String)| {
         files::sha256([Path::new(path.as_str())]).map_or(true, |now| now != **sha256)
     };
-    files.iter().filter(is_other).map(|(path, _)| path.as_str()).collect()
+    files.filter(is_other).map(|(path, _)| path.as_str()).collect()
 }
 
 /// The scenes of these episodes, in their order, held to the hashes of those that were driven.

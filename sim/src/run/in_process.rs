@@ -16,7 +16,7 @@ use world::scene::{Scene, SceneId};
 #[allow(missing_docs, reason = "the messages say it")]
 pub enum InProcessError {
     #[error(
-        "--in-process drives with planners of reloop, and this one is a process of yours\nhint: leave --in-process out"
+        "--in-process drives with planners and predictors of reloop, and one of these is a process of yours\nhint: leave --in-process out"
     )]
     NotOurs,
     #[error("{node} does not take these arguments: {error}")]
@@ -50,6 +50,9 @@ pub fn minds(settings: &Settings, machine: &Machine, logs: &Arc<DrivenLogs>) -> 
     let logs = || Some(Arc::clone(logs) as Arc<dyn Logs>);
     let line = parsed::<PlannerLine>("planner-node", "--planner", planner, machine)?;
     let planner = line.choice.factory(&line.gauss_newton, logs())?;
+    if settings.predictor.as_ref().is_some_and(|node| node.command.is_some()) {
+        return Err(InProcessError::NotOurs);
+    }
     let predictor = settings.predictor.as_ref().map(|node| -> Result<_, InProcessError> {
         let line = parsed::<PredictorLine>("predictor-node", "--predictor", node, machine)?;
         Ok(line.choice.factory(logs())?)

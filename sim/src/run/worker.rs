@@ -134,13 +134,17 @@ impl Worker<'_> {
         };
         let process = match &settings.planner {
             Planner::Node(node) => Some(self.start_node("planner-node", Role::Planner, node, &planner)?),
-            Planner::Command { command, .. } => Some(self.start_own_planner(command, &planner)?),
+            Planner::Command { command, .. } => Some(self.start_own(Role::Planner, command, &planner)?),
             Planner::External => None,
         };
         let mut predictor = None;
         if let Some(node) = &settings.predictor {
             let seat = self.seat(Role::Predictor)?;
-            predictor = Some((self.start_node("predictor-node", Role::Predictor, node, &seat)?, seat));
+            let process = match &node.command {
+                None => self.start_node("predictor-node", Role::Predictor, node, &seat)?,
+                Some(command) => self.start_own(Role::Predictor, command, &seat)?,
+            };
+            predictor = Some((process, seat));
         }
         // Both start side by side; then both are waited for.
         self.wait_for(&planner, process)?;
@@ -180,7 +184,8 @@ impl Worker<'_> {
         self.shared.start_program(program, &format!("{role} {worker}"), &arguments, seat, &self.shared.groups)
     }
 
-    fn start_own_planner(&self, command: &str, seat: &Seat) -> Result<Process, String> {
+    /// Starts a command of the user's.
+    fn start_own(&self, role: Role, command: &str, seat: &Seat) -> Result<Process, String> {
         let (worker, name) = (self.name.to_string(), self.node_name());
         let mut shell = Command::new("sh");
         // So that a command finds the nodes of this sim, wherever they are installed.
@@ -190,7 +195,7 @@ impl Worker<'_> {
         shell.args(["-c", &shell::line(command), "sh", "--worker", &worker, "--name", &name]);
         bus_threads::set(&mut shell, None);
         shell.env("RELOOP_WORKER", &worker).env("RELOOP_NAME", &name);
-        self.shared.start_command(&format!("planner {worker}"), shell, seat, &self.shared.groups)
+        self.shared.start_command(&format!("{role} {worker}"), shell, seat, &self.shared.groups)
     }
 
     fn stop_nodes(&mut self) {

@@ -67,31 +67,34 @@ fn help_says_what_can_be_typed() {
       -h, --help        Print help (see more with '--help')
 
     What to drive:
-          --scenarios <PATH>...        Scenes, as PATH is; takes all that follows up to the next option
-          --driver <NAME>              Who drives [default: dipp] [possible values: idm, human,
-                                       constant-velocity, gn-ctrv, gn-oracle, dipp, sep, il-pred, il]
-          --predictor <NAME>           Where predictions come from [default: what the driver wants]
-                                       [possible values: none, ctrv, oracle, network]
-          --weights <FILE>             Weights of the prediction network, a .safetensors file [default:
-                                       those of dipp, built in; sep, il-pred and il have none]
-          --features <STYLE>           How the network's features are made: authors, for weights of
-                                       theirs, or mended [default: as the weights say, or else authors]
-                                       [possible values: authors, mended]
-          --planner-command <COMMAND>  A planner of your own: a shell command, told where to connect by
-                                       RELOOP_* variables and by arguments
-          --planner <WHICH>            A planner that you start yourself, with --worker '*' and the
-                                       endpoint, run and secret that the sim prints [possible values:
-                                       external]
-          --label <NAME>               What tables call the driver [default: its name]
-          --protocol <PROTOCOL>        The rules of an episode [default: strict] [possible values:
-                                       strict, paper]
-          --set <KEY=VALUE>            A setting of `strict`, as horizon=100 or ending-collision=any;
-                                       docs/running.md lists them
-          --motion <MOTION>            How the AV follows its plan under `strict` [default: bicycle;
-                                       playback for the driver `human`, and for it alone] [possible
-                                       values: bicycle, playback]
-      [PATH]...                        Scenes: WOMD TFRecord files, folders, globs, or scene-set TOML
-                                       files [default: the built-in demo set]
+          --scenarios <PATH>...          Scenes, as PATH is; takes all that follows up to the next
+                                         option
+          --driver <NAME>                Who drives [default: dipp] [possible values: idm, human,
+                                         constant-velocity, gn-ctrv, gn-oracle, dipp, sep, il-pred, il]
+          --predictor <NAME>             Where predictions come from [default: what the driver wants]
+                                         [possible values: none, ctrv, oracle, network]
+          --predictor-command <COMMAND>  A predictor of your own: a shell command, as --planner-command
+          --weights <FILE>               Weights of the prediction network, a .safetensors file
+                                         [default: those of dipp, built in; sep, il-pred and il have
+                                         none]
+          --features <STYLE>             How the network's features are made: authors, for weights of
+                                         theirs, or mended [default: as the weights say, or else
+                                         authors] [possible values: authors, mended]
+          --planner-command <COMMAND>    A planner of your own: a shell command, told where to connect
+                                         by RELOOP_* variables and by arguments
+          --planner <WHICH>              A planner that you start yourself, with --worker '*' and the
+                                         endpoint, run and secret that the sim prints [possible values:
+                                         external]
+          --label <NAME>                 What tables call the driver [default: its name]
+          --protocol <PROTOCOL>          The rules of an episode [default: strict] [possible values:
+                                         strict, paper]
+          --set <KEY=VALUE>              A setting of `strict`, as horizon=100 or ending-collision=any;
+                                         docs/running.md lists them
+          --motion <MOTION>              How the AV follows its plan under `strict` [default: bicycle;
+                                         playback for the driver `human`, and for it alone] [possible
+                                         values: bicycle, playback]
+      [PATH]...                          Scenes: WOMD TFRecord files, folders, globs, or scene-set TOML
+                                         files [default: the built-in demo set]
 
     How to run:
           --out <DIR>                 The run's folder [default: runs/DRIVER-PROTOCOL-N]; an unfinished

@@ -155,25 +155,24 @@ fn fifteen_lines_drive_to_the_end_and_the_run_is_read_as_frames_and_arrays() {
     read_by_the_package(&python, &stage.path("one"));
 }
 
-/// `sim run` has no option for a predictor of others. Here one stands where its own is looked for: beside it.
 #[test]
 fn a_predictor_in_python_predicts_under_the_real_sim() {
     let Some(python) = python() else { return };
     let stage = Stage::new();
-    let programs = stage.path("programs");
-    fs::create_dir(&programs).unwrap();
-    for name in ["sim", "planner-node", "recorder"] {
-        fs::copy(program(name), programs.join(name)).unwrap();
-    }
-    let predictor = programs.join("predictor-node");
-    let line = format!("#!/bin/sh\nexec '{}' '{}' \"$@\"\n", python.display(), example("predictor.py").display());
-    fs::write(&predictor, line).unwrap();
-    assert!(ran(Command::new("chmod").arg("+x").arg(&predictor)).status.success());
-    let planner = format!("'{}' '{}'", python.display(), example("planner.py").display());
-    let arguments = "--predictor ctrv --parallel 1 --out run";
-    let ended = drive(&stage, &programs.join("sim"), &planner, arguments);
-    assert_eq!(ended.code, Some(0), "{ended:?}");
+    let command = |file: &str| format!("'{}' '{}'", python.display(), example(file).display());
+    let mut sim = stage.command("run --scenarios small.toml --parallel 1 --out run");
+    let output =
+        sim.args(["--planner-command", &command("planner.py"), "--predictor-command", &command("predictor.py")]);
+    let output = ran(output);
+    stage.wait_until_alone();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
     read_by_the_package(&python, &stage.path("run"));
+    // And a planner of ours plans by its predictions.
+    let mut sim = stage.command("run --scenarios small.toml --record none --driver gn-ctrv --out other");
+    let output = ran(sim.args(["--predictor-command", &command("predictor.py")]));
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let table = Table::read(&stage.path("other/results.parquet")).unwrap();
+    assert_eq!(table.text("driver").unwrap(), ["gn-ctrv-command"; 3]);
 }
 
 #[test]
