@@ -133,13 +133,18 @@ impl Run {
         Ok(run)
     }
 
-    /// What `judge` says of each drive, in the order of the scenes, for any number of cores. `columns` of `steps.parquet` are read
-    /// beside the AV's place. Few drives are in memory at a time.
+    /// What `judge` says of each episode by its place and its drive, in the order of the scenes, for any number of cores; there is no drive where
+    /// the scene could not be read when it was to be driven. `columns` of `steps.parquet` are read beside the AV's place. Few drives are in
+    /// memory at a time.
     ///
     /// # Errors
     /// [`DrivesError`] of the first drive that cannot be read.
-    pub fn each<T: Send>(&self, columns: &[&str], judge: impl Fn(&Driven) -> T + Sync) -> Result<Vec<T>, DrivesError> {
-        self.walk(columns, |_| true, judge)
+    pub fn each<T: Send>(
+        &self,
+        columns: &[&str],
+        judge: impl Fn(usize, Option<&Driven>) -> T + Sync,
+    ) -> Result<Vec<T>, DrivesError> {
+        self.walk(columns, |_| true, |index, driven| Some(judge(index, driven)))
     }
 
     /// The same for drives by their places in the run, and no others.
@@ -152,14 +157,14 @@ impl Run {
         indices: &BTreeSet<usize>,
         judge: impl Fn(&Driven) -> T + Sync,
     ) -> Result<Vec<T>, DrivesError> {
-        self.walk(columns, |index| indices.contains(&index), judge)
+        self.walk(columns, |index| indices.contains(&index), |_, driven| driven.map(&judge))
     }
 
     fn walk<T: Send>(
         &self,
         columns: &[&str],
         is_wanted: impl Fn(usize) -> bool,
-        judge: impl Fn(&Driven) -> T + Sync,
+        judge: impl Fn(usize, Option<&Driven>) -> Option<T> + Sync,
     ) -> Result<Vec<T>, DrivesError> {
         let Some(scenes) = &self.scenes else {
             return Self::open(&self.folder, &[])?.walk(columns, is_wanted, judge);
@@ -179,9 +184,9 @@ impl Run {
             }
             let told = rows
                 .into_par_iter()
-                .map(|(index, steps)| Ok(judge(&self.drive(scenes, index, starts[index], steps)?)));
-            for one in told.collect::<Vec<Result<T, DrivesError>>>() {
-                judged.push(one?);
+                .map(|(index, steps)| Ok(judge(index, self.drive(scenes, index, starts[index], steps)?.as_ref())));
+            for one in told.collect::<Vec<Result<Option<T>, DrivesError>>>() {
+                judged.extend(one?);
             }
         }
         Ok(judged)
@@ -199,8 +204,18 @@ impl Run {
         }
     }
 
-    fn drive(&self, scenes: &Scenes, index: usize, start: u32, steps: Option<Table>) -> Result<Driven, DrivesError> {
+    /// The drive of a scene; none where that could not be read then.
+    fn drive(
+        &self,
+        scenes: &Scenes,
+        index: usize,
+        start: u32,
+        steps: Option<Table>,
+    ) -> Result<Option<Driven>, DrivesError> {
         let (place, line) = (scenes.places[index], &self.file.scenes[index]);
+        if line.sha256.is_empty() {
+            return Ok(None);
+        }
         let (scene, _) = scenes.set.load_hashed(place)?;
         if scenes.set.known_sha256(place).as_deref() != Some(&*line.sha256) {
             return Err(DrivesError::OtherScene { run: self.folder.clone(), scene: line.id.clone() });
@@ -209,7 +224,7 @@ impl Run {
             Some(table) => self.states(&line.id, table)?,
             None => Default::default(),
         };
-        Ok(Driven { index, scene, start, states, controls, table: steps })
+        Ok(Some(Driven { index, scene, start, states, controls, table: steps }))
     }
 
     fn states(&self, scene: &str, table: &Table) -> Result<(Vec<PlanState>, Vec<Control>), DrivesError> {

@@ -1,11 +1,8 @@
 //! The messages of a recording that are our own, one after the other.
 
-use std::borrow::Cow;
-
 use recording::{Event, NotMcap, Reader, TOPICS};
 use thiserror::Error;
 use wire::convert::compact;
-use wire::keys::Channel;
 
 /// A recording that cannot be taken at its word.
 #[derive(Debug, Error)]
@@ -38,9 +35,11 @@ pub(crate) fn messages(
         };
         let topic = &message.channel.topic;
         let Some(name) = topic.strip_prefix(TOPICS) else { continue };
-        let is_prediction = name == Channel::Prediction.name();
-        let told = if is_prediction { compact::unpack(message.data) } else { Cow::Borrowed(message.data) };
-        tell(name, &told).map_err(|why| RecordedError::Message { topic: topic.clone(), at: message.at, why })?;
+        tell(name, &compact::as_told(name, message.data)).map_err(|why| RecordedError::Message {
+            topic: topic.clone(),
+            at: message.at,
+            why,
+        })?;
     }
     Ok(())
 }

@@ -225,7 +225,7 @@ pub fn score(run: &Run, scores: &[Score], with_steps: bool) -> Result<Scored, Sc
     let episodes = if need_no_scenes(&run.file.settings.protocol, scores) {
         (0..told.scenes.len()).map(|index| told.episode(index, scores, None, with_steps)).collect()
     } else {
-        run.each(&Drive::COLUMNS, |driven| told.episode(driven.index, scores, Some(driven), with_steps))?
+        run.each(&Drive::COLUMNS, |index, driven| told.episode(index, scores, driven, with_steps))?
     };
     Ok(Scored { run: run.summary.clone(), groups, episodes })
 }

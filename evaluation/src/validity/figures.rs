@@ -58,7 +58,9 @@ impl Figures {
         let run = Run::open(folder, scenarios)?;
         let protocol = &run.file.settings.protocol;
         let failed = run.results.flags("failed")?;
-        let checked = run.each(&[], |driven| if failed[driven.index] { None } else { check(driven, protocol).ok() })?;
+        let checked = run.each(&[], |index, driven| {
+            driven.filter(|_| !failed[index]).and_then(|driven| check(driven, protocol).ok())
+        })?;
         let scenes = run.file.scenes.iter().map(|scene| scene.id.clone());
         let episodes: Vec<(String, Option<Checked>)> = scenes.zip(checked).collect();
         Ok(Self {

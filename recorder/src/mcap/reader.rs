@@ -115,12 +115,7 @@ pub fn read(bytes: &[u8], mut hear: impl FnMut(Message)) -> Result<Contents, Rea
                 contents.last_step = contents.last_step.max(message.log_time / STEP_NANOSECONDS);
                 contents.count(topic, message.data.len());
                 let Some(channel) = own(topic) else { continue };
-                let told = if channel == Channel::Prediction {
-                    compact::unpack(message.data).into_owned()
-                } else {
-                    message.data.to_vec()
-                };
-                match Message::decode(channel, told) {
+                match Message::decode(channel, compact::as_told(channel.name(), message.data).into_owned()) {
                     Ok(message) => hear(message),
                     Err(error) => {
                         let fault = Fault::Message { topic: topic.clone(), why: error.to_string() };

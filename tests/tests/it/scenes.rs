@@ -60,6 +60,11 @@ fn a_damaged_scene_costs_its_own_episode_unless_all_are_verified_first() {
     assert_eq!(column(&stage, "run", "scene_sha256"), hashes("run"));
     let again = stage.sim(&format!("{RUN} --out run"));
     assert!(again.err.contains("is finished already"), "{again:?}");
+    // Whoever judges the drives again judges those that there are.
+    for judged in ["validity run", "score run --as nuplan,navsim", "report run --html page.html"] {
+        let ended = stage.sim(judged);
+        assert!(!ended.err.contains("error: ") && !ended.out.is_empty(), "{judged}: {ended:?}");
+    }
     // It is fetched again, and driven then.
     fs::write(&path, sound).unwrap();
     stage.good_sim(&format!("{RUN} --out run --retry failed"));

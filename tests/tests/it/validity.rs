@@ -55,7 +55,8 @@ fn a_drive_judged_again_from_its_steps_measures_what_was_measured() {
         stage.good_sim(&format!("run --driver {driver} --protocol {protocol} {motion} --out {name}"));
         let run = Run::open(&stage.path(&name), &[stage.path("small.toml").display().to_string()]).unwrap();
         let numbers = run.results.numbers().unwrap();
-        let measured = run.each(&[], |driven| {
+        let measured = run.each(&[], |_, driven| {
+            let driven = driven.unwrap();
             let mut episode = Episode::new(Arc::clone(&driven.scene), &run.file.settings.protocol).unwrap();
             episode.retrace(driven.steps());
             episode.measure(Counted::ALL)

@@ -9,18 +9,17 @@ use std::borrow::Cow;
 use prost::Message as _;
 
 use super::decode;
+use crate::keys::Channel;
 use crate::proto;
 
 /// The bytes that a recording holds in the place of `payload`, which says `prediction`; none where they would not be fewer, or would not
 /// lead back to these very bytes: a node may have fields of its own.
 #[must_use]
 pub fn pack(prediction: &proto::Prediction, payload: &[u8]) -> Option<Vec<u8>> {
-    let trajectories = |prediction: &proto::Prediction| prediction.futures.iter().map(|f| f.trajectories.len()).sum();
-    let any: usize = trajectories(prediction);
     let is_plain =
-        |t: &proto::PredictedTrajectory| [&t.x_bits, &t.y_bits, &t.heading_bits].iter().all(|c| c.is_empty());
+        |t: &proto::PredictedTrajectory| t.x_bits.is_empty() && t.y_bits.is_empty() && t.heading_bits.is_empty();
     let all_plain = prediction.futures.iter().flat_map(|future| &future.trajectories).all(is_plain);
-    if any == 0 || !all_plain || prediction.encode_to_vec() != payload {
+    if !all_plain || prediction.encode_to_vec() != payload {
         return None;
     }
     let trajectory = |t: &proto::PredictedTrajectory| proto::PredictedTrajectory {
@@ -42,6 +41,12 @@ pub fn pack(prediction: &proto::Prediction, payload: &[u8]) -> Option<Vec<u8>> {
         error: prediction.error.clone(),
     };
     Some(packed.encode_to_vec()).filter(|packed| packed.len() < payload.len())
+}
+
+/// The bytes that travelled, of a message that a recording holds as `recorded` on the channel of this name: of a prediction [`unpack`]ed.
+#[must_use]
+pub fn as_told<'a>(channel: &str, recorded: &'a [u8]) -> Cow<'a, [u8]> {
+    if channel == Channel::Prediction.name() { unpack(recorded) } else { Cow::Borrowed(recorded) }
 }
 
 /// The bytes that travelled, of a prediction in a recording; bytes that were not packed are what they are.

@@ -98,13 +98,13 @@ impl FetchError {
                 "install it (python3 -m ensurepip, or apt install python3-pip), or give a package by --from WHEEL"
             }
             Self::Pip { .. } => {
-                "see that pypi.org can be reached, or download the package elsewhere and give it by --from WHEEL"
+                "see that pip reaches its package index, or download the package elsewhere and give it by --from WHEEL"
             }
             Self::Hash { .. } => {
-                "it is another file than the one that is known: nothing of it was used. Download it again, from pypi.org"
+                "it is another file than the one that is known: nothing of it was used. Download it again"
             }
             Self::Read { .. } => "see that the path is right and can be read",
-            Self::Wheel(_) => "download it again, from pypi.org",
+            Self::Wheel(_) => "download it again",
             Self::Unasked => "read the licence at https://waymo.com/open/terms, and agree to it by --yes",
             Self::Refused => "answer yes to agree; `scenarios list demo` shows scenes that are free of it",
         }
