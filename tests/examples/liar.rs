@@ -1,5 +1,5 @@
-//! A planner that drives straight on, but for one step of one scene, at which it does what `RELOOP_LIE` says:
-//! `SCENE STEP LIE`, with LIE one of `die`, `stop`, `silence`, `raise`, `error`, `nan`, `length`, `controls`, `step`, `chance`, `version`.
+//! A planner that drives straight on, but for one step of a scene or more, at which it does what `RELOOP_LIE` says:
+//! `SCENE STEP LIE`, several of them with `;` between, with LIE one of `die`, `stop`, `silence`, `raise`, `error`, `nan`, `length`, `controls`, `step`, `chance`, `version`.
 //!
 //! What it is to do comes by the environment, for two runs of one command must differ in nothing else.
 
@@ -30,19 +30,19 @@ struct Lie {
     what: String,
 }
 
-struct Liar(Option<Lie>);
+struct Liar(Vec<Lie>);
 
 impl PlannerFactory for Liar {
     fn start(&self, briefing: &Briefing) -> Result<Box<dyn Planner>, String> {
-        let here = |lie: &Lie| lie.scene == briefing.scene.as_str();
-        Ok(Box::new(Liar(self.0.clone().filter(here))))
+        let here = |lie: &&Lie| lie.scene == briefing.scene.as_str();
+        Ok(Box::new(Liar(self.0.iter().filter(here).cloned().collect())))
     }
 }
 
 impl Planner for Liar {
     fn plan(&mut self, input: &StepInput<'_>) -> Result<UncheckedPlan, String> {
         let plan = straight_on(input);
-        match self.0.as_ref().filter(|lie| lie.step == plan.step) {
+        match self.0.iter().find(|lie| lie.step == plan.step) {
             Some(lie) => tell(&lie.what, plan),
             None => Ok(plan),
         }
@@ -105,13 +105,15 @@ fn pose_as_newer(options: &Options) {
 
 fn main() {
     let options = Cli::parse().node;
-    let lie = std::env::var("RELOOP_LIE").ok().map(|text| {
+    let lie = |text: &str| {
         let words: Vec<&str> = text.split(' ').collect();
         let [scene, step, what] = words[..] else { panic!("RELOOP_LIE is SCENE STEP LIE") };
         Lie { scene: scene.to_owned(), step: step.parse().unwrap(), what: what.to_owned() }
-    });
-    if lie.as_ref().is_some_and(|lie| lie.what == "version") {
+    };
+    let lies = std::env::var("RELOOP_LIE").unwrap_or_default();
+    let lies: Vec<Lie> = lies.split(';').filter(|text| !text.is_empty()).map(lie).collect();
+    if lies.iter().any(|lie| lie.what == "version") {
         return pose_as_newer(&options);
     }
-    serve_planner(&options, Arc::new(Liar(lie))).unwrap();
+    serve_planner(&options, Arc::new(Liar(lies))).unwrap();
 }

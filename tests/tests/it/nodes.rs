@@ -107,6 +107,60 @@ fn a_node_that_answers_another_step() {
     );
 }
 
+/// Fifty short drives in ordinary traffic.
+const FIFTY: &str = r#"
+[[generate]]
+family = "cruise"
+seed = 5
+count = 50
+parameters = { traffic = 0.2, parked = 0.1, people = 0.5 }
+"#;
+
+#[test]
+fn of_fifty_episodes_exactly_the_disturbed_ones_fail_and_every_other_is_as_if_nothing_had_happened() {
+    let lies = [
+        (3, "die"),
+        (11, "stop"),
+        (12, "nan"),
+        (24, "silence"),
+        (25, "length"),
+        (33, "die"),
+        (41, "error"),
+        (49, "step"),
+    ];
+    let lie = |(scene, lie): &(u32, &str)| format!("cruise-5-{scene} 9 {lie}");
+    let lied = lies.iter().map(lie).collect::<Vec<_>>().join(";");
+    let ended = [Stage::new(), Stage::with_lie(&lied)].map(|stage| {
+        std::fs::write(stage.path("small.toml"), FIFTY).unwrap();
+        let ended = drive(&stage, "--set horizon=20 --deadline 1s");
+        (stage, ended)
+    });
+    let [(honest, undisturbed), (stage, disturbed)] = &ended;
+    assert_eq!((undisturbed.code, disturbed.code), (Some(0), Some(1)), "{disturbed:?}");
+    let all = episodes(honest).into_iter().zip(episodes(stage));
+    let mut failed = Vec::new();
+    for (number, (there, here)) in (0..).zip(all) {
+        if here[1] == "driver-failed" {
+            failed.push(number);
+            assert!(
+                disturbed.out.contains(&format!("{} failed (driver-failed): step 9:", here[0])),
+                "{}",
+                disturbed.out
+            );
+        } else {
+            assert_eq!(there, here);
+        }
+    }
+    assert_eq!(failed, lies.map(|(scene, _)| scene));
+    assert_eq!(disturbed.out.matches("failed (driver-failed)").count(), lies.len(), "{}", disturbed.out);
+    let mut files = [honest.files("run"), stage.files("run")];
+    let is_disturbed =
+        |name: &str| lies.iter().any(|(scene, _)| name.starts_with(&format!("episodes/cruise-5-{scene}.")));
+    files.iter_mut().for_each(|files| files.retain(|name, _| name.starts_with("episodes/") && !is_disturbed(name)));
+    assert_eq!(files[0].len(), 2 * (50 - lies.len()));
+    assert_same(&files[0], &files[1]);
+}
+
 #[test]
 fn a_node_of_another_version_is_refused_and_both_versions_named() {
     let stage = Stage::with_lie("x 0 version");
