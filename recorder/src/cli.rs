@@ -18,6 +18,10 @@ pub struct Cli {
 pub enum Command {
     /// Join a run and record its episodes until it ends; `sim run` starts this by itself
     Record(Record),
+    /// Show a run in the Rerun viewer while it is driven; `sim run --view` starts this by itself
+    ///
+    /// A viewer that runs on this machine shows it, else one is started (`rerun` on the PATH). The run waits for neither.
+    View(View),
     /// Draw a recording into a file for the Rerun viewer
     Export(Export),
     /// Show what recordings hold
@@ -34,6 +38,12 @@ pub struct Record {
     /// What to write for each episode
     #[arg(long, value_name = "FORMATS", value_enum, value_delimiter = ',', default_values = ["mcap", "rrd"])]
     pub format: Vec<Format>,
+}
+
+#[derive(clap::Args)]
+pub struct View {
+    #[command(flatten)]
+    pub node: wire::node::Options,
 }
 
 #[derive(clap::Args)]

@@ -14,6 +14,7 @@
 //! | [`rrd`] | the drawing and its layout |
 //! | [`recording`], [`partial_file`] | an episode on its way into its files |
 //! | [`desk`], [`record`] | the process on the bus |
+//! | [`view`] | the same, into a viewer while it is driven |
 //! | [`export`], [`info`] | from a file: the drawing, what it holds |
 //! | [`fuzzing`] | what any input must keep |
 //! | [`layers`], [`strokes`], [`outline`], [`contacts`], [`origin`], [`palette`] | what both kinds of file draw alike |
@@ -35,3 +36,4 @@ pub mod recording;
 pub mod rrd;
 pub mod sequence;
 pub mod strokes;
+pub mod view;

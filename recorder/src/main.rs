@@ -9,7 +9,7 @@ use tracing_subscriber::EnvFilter;
 use wire::node::Stop;
 
 use cli::{Cli, Command};
-use recorder::{export, info, record};
+use recorder::{export, info, record, view};
 
 const UNUSABLE: u8 = 2;
 const INTERRUPTED: u8 = 130;
@@ -20,6 +20,7 @@ fn main() -> ExitCode {
     tracing_subscriber::fmt().with_env_filter(filter).with_ansi(ansi).with_writer(std::io::stderr).init();
     let result = match terminal::parse::<Cli>(terminal::REVISION).command {
         Command::Record(arguments) => record_run(arguments),
+        Command::View(arguments) => view_run(&arguments),
         Command::Export(arguments) => export_file(&arguments),
         Command::Info(arguments) => show_info(&arguments),
     };
@@ -30,10 +31,18 @@ fn main() -> ExitCode {
 }
 
 fn record_run(arguments: cli::Record) -> anyhow::Result<ExitCode> {
-    Ok(match record::record(&arguments.node, arguments.out, arguments.format)? {
+    Ok(left(record::record(&arguments.node, arguments.out, arguments.format)?))
+}
+
+fn left(stop: Stop) -> ExitCode {
+    match stop {
         Stop::Interrupted => ExitCode::from(INTERRUPTED),
         Stop::ParentGone | Stop::SimGone => ExitCode::SUCCESS,
-    })
+    }
+}
+
+fn view_run(arguments: &cli::View) -> anyhow::Result<ExitCode> {
+    Ok(left(view::view(&arguments.node)?))
 }
 
 fn export_file(arguments: &cli::Export) -> anyhow::Result<ExitCode> {

@@ -10,7 +10,7 @@ pub mod layout;
 pub mod store;
 
 pub use layout::Layout;
-pub use store::{APPLICATION, RrdError, Store, columns_chunk, encoder};
+pub use store::{APPLICATION, RrdError, Standing, Store, columns_chunk, encoder};
 
 use re_sdk_types::components::Color;
 

@@ -33,6 +33,13 @@ pub fn encoder() -> Result<Encoder<Vec<u8>>, RrdError> {
     Ok(encoder)
 }
 
+/// How far the numbers of a store have come, so that it can be gone on with in a later piece of a stream.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Standing {
+    chunks: u64,
+    rows: u64,
+}
+
 /// One store of a file, the recording or its blueprint, while it is written.
 pub struct Store<'a> {
     encoder: &'a mut Encoder<Vec<u8>>,
@@ -41,8 +48,7 @@ pub struct Store<'a> {
     root: EntityPath,
     /// Rows of a blueprint lie on a timeline of its own.
     is_blueprint: bool,
-    chunks: u64,
-    rows: u64,
+    standing: Standing,
 }
 
 impl<'a> Store<'a> {
@@ -66,14 +72,21 @@ impl<'a> Store<'a> {
         let id = StoreId::new(kind, APPLICATION, name);
         let info = StoreInfo::new(id.clone(), StoreSource::Other(format!("{APPLICATION} {program}")));
         encoder.append(&LogMsg::SetStoreInfo(SetStoreInfo { row_id: RowId::ZERO.as_tuid(), info }))?;
-        Ok(Self {
-            encoder,
-            id,
-            root: EntityPath::root(),
-            is_blueprint: kind == StoreKind::Blueprint,
-            chunks: 0,
-            rows: 0,
-        })
+        let is_blueprint = kind == StoreKind::Blueprint;
+        Ok(Self { encoder, id, root: EntityPath::root(), is_blueprint, standing: Standing::default() })
+    }
+
+    /// Goes on with the recording `name` in a later piece of a stream: what is read one piece after the other is one recording.
+    #[must_use]
+    pub fn resumed(encoder: &'a mut Encoder<Vec<u8>>, name: &str, standing: Standing) -> Self {
+        let id = StoreId::new(StoreKind::Recording, APPLICATION, name);
+        Self { encoder, id, root: EntityPath::root(), is_blueprint: false, standing }
+    }
+
+    /// How far its numbers have come.
+    #[must_use]
+    pub fn standing(&self) -> Standing {
+        self.standing
     }
 
     /// What is logged from now on lies below `root`.
@@ -111,10 +124,11 @@ impl<'a> Store<'a> {
     /// # Errors
     /// [`RrdError`].
     pub fn log_chunk(&mut self, chunk: &Chunk) -> Result<(), RrdError> {
-        let first = RowId::ZERO.incremented_by(self.rows + 1);
-        self.rows += chunk.num_rows() as u64;
-        self.chunks += 1;
-        let id = ChunkId::from_tuid(RowId::ZERO.incremented_by(self.chunks).as_tuid());
+        let standing = &mut self.standing;
+        let first = RowId::ZERO.incremented_by(standing.rows + 1);
+        standing.rows += chunk.num_rows() as u64;
+        standing.chunks += 1;
+        let id = ChunkId::from_tuid(RowId::ZERO.incremented_by(standing.chunks).as_tuid());
         let chunk = chunk.clone_as(id, first);
         self.encoder.append(&LogMsg::ArrowMsg(self.id.clone(), chunk.to_arrow_msg()?))?;
         Ok(())

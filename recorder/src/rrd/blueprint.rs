@@ -16,11 +16,16 @@ pub(super) const RIDE_TARGET: [f32; 3] = [13.0, 0.0, 0.0];
 const OVERVIEW_SHARE: f32 = 0.9;
 const OVERVIEW_LEAST: f32 = 60.0;
 
-/// Writes and activates the layout. `drive` is where the AV was; plots have a name, a path and a range.
+/// Writes and activates the layout. `drive` is where the AV was; plots have a name, a path and a range. `play` is what the viewer does first.
 ///
 /// # Errors
 /// [`RrdError`].
-pub fn write(store: Store<'_>, drive: &[[f32; 3]], plots: &[(&str, &str, [f64; 2])]) -> Result<(), RrdError> {
+pub fn write(
+    store: Store<'_>,
+    drive: &[[f32; 3]],
+    plots: &[(&str, &str, [f64; 2])],
+    play: PlayState,
+) -> Result<(), RrdError> {
     let mut layout = Layout::new(store);
 
     // A camera that tracks an entity jumps close to it; one that stands still in a frame that moves rides along.
@@ -51,10 +56,8 @@ pub fn write(store: Store<'_>, drive: &[[f32; 3]], plots: &[(&str, &str, [f64; 2
     let (below, _) = layout.container(ContainerKind::Horizontal, &[(&events, 2.6), (&texts, 1.0)])?;
     let (_, root) = layout.container(ContainerKind::Vertical, &[(&above, 4.0), (&below, 1.0)])?;
 
-    let time = TimePanelBlueprint::new()
-        .with_state(PanelState::Collapsed)
-        .with_timeline("sim_time")
-        .with_play_state(PlayState::Playing);
+    let time =
+        TimePanelBlueprint::new().with_state(PanelState::Collapsed).with_timeline("sim_time").with_play_state(play);
     layout.activate(root, &time)
 }
 

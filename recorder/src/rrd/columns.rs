@@ -25,6 +25,8 @@ fn times(steps: &[u32]) -> Vec<TimeColumn> {
 struct Rows {
     steps: Vec<u32>,
     lengths: Vec<usize>,
+    /// Rows before these had instances: then one without any says that they are gone.
+    follow_others: bool,
 }
 
 impl Rows {
@@ -33,8 +35,15 @@ impl Rows {
         self.lengths.push(length);
     }
 
+    /// Whether there is nothing to show, and nothing to take away.
     fn is_blank(&self) -> bool {
-        self.lengths.iter().all(|length| *length == 0)
+        self.steps.is_empty() || !self.follow_others && self.lengths.iter().all(|length| *length == 0)
+    }
+
+    /// No rows yet, to follow these.
+    fn next(&self) -> Self {
+        let follow_others = self.follow_others || self.lengths.iter().any(|length| *length > 0);
+        Self { follow_others, ..Self::default() }
     }
 }
 
@@ -49,6 +58,12 @@ pub struct Boxes {
 }
 
 impl Boxes {
+    /// Takes the rows out; those that come are to follow them.
+    pub fn take(&mut self) -> Self {
+        let next = Self { rows: self.rows.next(), ..Self::default() };
+        std::mem::replace(self, next)
+    }
+
     /// The boxes of a step, with their labels.
     pub fn push<'a>(
         &mut self,
@@ -141,6 +156,12 @@ pub struct Lines {
 }
 
 impl Lines {
+    /// Takes the rows out; those that come are to follow them.
+    pub fn take(&mut self) -> Self {
+        let next = Self { rows: self.rows.next(), ..Self::default() };
+        std::mem::replace(self, next)
+    }
+
     /// The lines of a step.
     pub fn push(&mut self, step: u32, lines: impl Iterator<Item = (Vec<[f32; 3]>, Rgba, f32)>) {
         let before = self.strips.len();
@@ -173,6 +194,12 @@ pub struct Points {
 }
 
 impl Points {
+    /// Takes the rows out; those that come are to follow them.
+    pub fn take(&mut self) -> Self {
+        let next = Self { rows: self.rows.next(), ..Self::default() };
+        std::mem::replace(self, next)
+    }
+
     /// The points of a step.
     pub fn push(&mut self, step: u32, points: impl Iterator<Item = ([f32; 3], Rgba, String)>) {
         let before = self.positions.len();

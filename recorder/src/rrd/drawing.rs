@@ -2,6 +2,7 @@
 
 use re_chunk::EntityPath;
 use re_sdk_types::archetypes::{LineStrips3D, Points3D, RecordingInfo, SeriesLines, TextDocument, ViewCoordinates};
+use re_sdk_types::blueprint::components::PlayState;
 use re_sdk_types::components::{LineStrip3D, Radius};
 use rrd::{RrdError, Store, color};
 use wire::proto::{self, AgentKind};
@@ -210,14 +211,12 @@ impl Drawing {
     pub fn finish(mut self, run: &str, settings: &str) -> Result<Vec<u8>, RrdError> {
         self.show_the_end();
         let scene = self.scene_name();
-        let id = format!("{run}.{scene}.{:08x}", crc32fast::hash(settings.as_bytes()));
+        let id = recording_name(run, &scene, settings);
         let mut encoder = rrd::encoder()?;
         let blueprint = Store::blueprint(&mut encoder, "recorder", &id)?;
-        blueprint::write(blueprint, self.ride.places(), &self.plots.views())?;
+        blueprint::write(blueprint, self.ride.places(), &self.plots.views(), PlayState::Playing)?;
         let mut store = Store::recording(&mut encoder, "recorder", &id)?;
-        store.log(EntityPath::properties(), &RecordingInfo::new().with_name(format!("{run}, {scene}")))?;
-        store.log("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;
-        store.log("settings", &TextDocument::from_markdown(format!("```toml\n{}\n```\n", settings.trim_end())))?;
+        write_frame(&mut store, &format!("{run}, {scene}"), settings)?;
         self.write(&mut store)?;
         encoder.finish()?;
         Ok(encoder.into_inner()?)
@@ -257,7 +256,33 @@ impl Drawing {
         self.write_steps(store)
     }
 
-    fn write_map(&self, store: &mut Store<'_>, scene: &proto::Scene) -> Result<(), RrdError> {
+    /// Takes out what was drawn since the last time; its map is drawn by [`Drawing::write_map`] alone.
+    pub(super) fn take_steps(&mut self) -> Self {
+        self.points = 0;
+        Self {
+            agents: self.agents.each_mut().map(Boxes::take),
+            supposed: self.supposed.take(),
+            struck: self.struck.take(),
+            touched: self.touched.take(),
+            av: self.av.take(),
+            ghost: self.ghost.take(),
+            ride: std::mem::take(&mut self.ride),
+            plan: self.plan.take(),
+            predictions: self.predictions.take(),
+            signals: self.signals.take(),
+            plots: std::mem::take(&mut self.plots),
+            events: std::mem::take(&mut self.events),
+            end: self.end.take(),
+            ..Self::default()
+        }
+    }
+
+    /// Takes out the scene.
+    pub(super) fn take_scene(&mut self) -> Option<Box<proto::Scene>> {
+        self.scene.take()
+    }
+
+    pub(super) fn write_map(&self, store: &mut Store<'_>, scene: &proto::Scene) -> Result<(), RrdError> {
         for layer in layers(scene, &self.origin) {
             let colors = layer.lines.iter().map(|(_, rgba)| color(*rgba)).collect::<Vec<_>>();
             let strips = layer.lines.into_iter().map(|(points, _)| LineStrip3D::from_iter(points));
@@ -275,7 +300,7 @@ impl Drawing {
         Ok(())
     }
 
-    fn write_steps(self, store: &mut Store<'_>) -> Result<(), RrdError> {
+    pub(super) fn write_steps(self, store: &mut Store<'_>) -> Result<(), RrdError> {
         for ((kind, path), boxes) in KINDS.into_iter().zip(self.agents) {
             boxes.log(store, path, palette::agent(kind))?;
         }
@@ -314,6 +339,18 @@ impl Drawing {
         }
         Ok(())
     }
+}
+
+/// What a recording is called: `run`, the scene and `settings` (TOML) name it, so that those of runs that differ stand side by side in a viewer.
+pub(super) fn recording_name(run: &str, scene: &str, settings: &str) -> String {
+    format!("{run}.{scene}.{:08x}", crc32fast::hash(settings.as_bytes()))
+}
+
+/// Writes what every recording begins with: its title, its frame, the settings.
+pub(super) fn write_frame(store: &mut Store<'_>, title: &str, settings: &str) -> Result<(), RrdError> {
+    store.log(EntityPath::properties(), &RecordingInfo::new().with_name(title.to_owned()))?;
+    store.log("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;
+    store.log("settings", &TextDocument::from_markdown(format!("```toml\n{}\n```\n", settings.trim_end())))
 }
 
 /// How much is drawn of a message, about.

@@ -247,6 +247,32 @@ impl EpisodeLine {
         }
     }
 
+    /// Tells a node these bytes, whatever they are: what a simulator that is broken, or of another version, would say. For who
+    /// wants to see what the node makes of it.
+    ///
+    /// # Errors
+    /// [`LineError::NodeLost`], [`LineError::Bus`].
+    pub fn tell_bytes(&self, to: Role, bytes: Vec<u8>) -> Result<(), LineError> {
+        self.look_for_nodes()?;
+        let bytes = ZBytes::from(bytes);
+        for (_, teller) in self.tellers().filter(|(role, _)| *role == to) {
+            teller.put(bytes.clone()).wait().map_err(SessionError::bus("send"))?;
+        }
+        Ok(())
+    }
+
+    /// The next answer, unopened, or none where there is none within `patience`: for who has told bytes.
+    ///
+    /// # Errors
+    /// [`LineError::NodeLost`].
+    pub fn overhear(&mut self, patience: Duration) -> Result<Option<Vec<u8>>, LineError> {
+        match self.incoming.recv_timeout(patience) {
+            Ok(Incoming::Answer(_, envelope)) => Ok(Some(envelope.to_bytes().into_owned())),
+            Ok(_) => self.look_for_nodes().map(|()| None),
+            Err(_) => Ok(None),
+        }
+    }
+
     fn look_for_nodes(&self) -> Result<(), LineError> {
         let gone = |member: &&Member| member.teller.is_some() && !member.is_there();
         match self.cast.iter().rev().find(gone) {

@@ -222,6 +222,12 @@ impl Hub {
         self.shared.nodes.wait_for(&numbers, timeout, &self.shared.pulse, cancelled)
     }
 
+    /// Whether anybody listens in: the recorder, or whoever else.
+    #[must_use]
+    pub fn is_heard(&self) -> bool {
+        self.shared.tape.is_heard()
+    }
+
     /// How often this process stood still until now, see [`crate::pulse`].
     #[must_use]
     pub fn pauses(&self) -> u64 {

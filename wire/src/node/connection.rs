@@ -263,6 +263,35 @@ impl Connection {
         result
     }
 
+    /// Listens on without a seat, and returns when the simulator leaves, when Ctrl-C comes, or, where that was asked for, when standard input
+    /// ends; `lull` later, for what is still on its way. Nothing is heard any more then.
+    ///
+    /// # Errors
+    /// [`NodeError`] where the run is not there, or of another version.
+    pub fn stay(self, lull: Duration) -> Result<Stop, NodeError> {
+        let (notify, notices) = sync_channel(16);
+        self.stop_on_signals(&notify)?;
+        let watch = self.watch_sim(&notify)?;
+        if self.options.exit_with_parent {
+            watch_standard_input(notify);
+        }
+        let stop = loop {
+            match notices.recv() {
+                Ok(Notice::Sim { version }) if version != WIRE_VERSION => {
+                    return Err(NodeError::WrongVersion { theirs: version, ours: WIRE_VERSION });
+                }
+                Ok(Notice::Stop(stop)) => break stop,
+                Ok(Notice::Sim { .. } | Notice::Admission(_)) => {}
+                // Every sender gone means that the session is: so is the simulator.
+                Err(_) => break Stop::SimGone,
+            }
+        };
+        std::thread::sleep(lull);
+        drop(watch);
+        self.close();
+        Ok(stop)
+    }
+
     /// Closes the session. A planner that is deep in thought holds the transport's thread: it is not waited for, and ends with the process.
     fn close(self) {
         let (closed, end) = sync_channel(1);
@@ -367,6 +396,14 @@ impl Voice {
     /// [`SessionError::Bus`] where the session is closed.
     pub fn say(&self, worker: &Worker, channel: Channel, message: Vec<u8>) -> Result<(), SessionError> {
         session::send(&self.session, &self.key(worker, channel), message)
+    }
+
+    /// What the simulator answers who asks for a message of the tape, as an episode's scene; none within `patience`.
+    #[must_use]
+    pub fn ask(&self, address: &Address, patience: Duration) -> Option<Vec<u8>> {
+        let replies = self.session.get(self.place.tape(address)).timeout(patience).wait().ok()?;
+        let sample = replies.into_iter().find_map(|reply| reply.into_result().ok())?;
+        Some(sample.payload().to_bytes().into_owned())
     }
 
     /// The session that it speaks in.
