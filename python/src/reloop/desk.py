@@ -42,11 +42,13 @@ class _Episode:
                 f"this node version {messages.WIRE_VERSION}"
             )
             return
-        self.scene = Scene(scene)
-        self.history = History.before(scene)
+        self.told = scene
 
     def start(self) -> None:
-        """Makes who answers. May raise whatever the user's code raises."""
+        """Looks at the scene and makes who answers. May raise whatever the user's code raises, and what a scene that is none does."""
+        self.scene = Scene(self.told)
+        self.history = History.before(self.told)
+        del self.told
         self.node = self.make()
         self.node.start(self.scene)
 

@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from google.protobuf.message import DecodeError
+
 from . import messages
 from .connection import Connection, Stop, Telling
 from .desk import Desk
@@ -81,7 +83,8 @@ def join(make: Callable[[], Node], options: Options) -> Stop:
                     role, next_node, needs_prediction=needs_prediction, ask_scene=lambda: connection.scene(worker)
                 )
             began = time.monotonic()
-            answer = desks[worker].take(_told(telling))
+            told = _told(telling)
+            answer = None if told is None else desks[worker].take(told)
             if answer is not None:
                 connection.say(telling.key, channel, answer)
                 _complain(answer, time.monotonic() - began, info.deadline)
@@ -98,7 +101,12 @@ def _role(node: object) -> str:
 
 
 def _told(telling: Telling) -> Any:
-    return messages.Told.FromString(telling.payload)
+    """What the sim tells; None where that cannot be read, which ends no drive: no answer comes, and the sim says so."""
+    try:
+        return messages.Told.FromString(telling.payload)
+    except DecodeError as error:
+        log.error("a message of worker %s is passed over: %s", telling.worker, error)
+        return None
 
 
 def _complain(answer: Any, seconds: float, deadline: float | None) -> None:
