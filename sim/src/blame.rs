@@ -253,7 +253,7 @@ impl Stage<'_> {
     ) -> anyhow::Result<PathBuf> {
         request.out = Some(self.place.path().join(name));
         let console = self.console.shared(name.to_owned());
-        let task = Task { scenes: self.scenes.only(places), beginnings, onlooker };
+        let task = Task { beginnings, onlooker, ..Task::of(self.scenes.only(places)) };
         let done = run_task(&request, task, self.clock, &console, self.interrupts);
         Ok(done.map_err(RunError::with_nothing_kept)?.folder)
     }

@@ -3,11 +3,13 @@
 //! | module | what |
 //! | --- | --- |
 //! | here | what drives |
+//! | `check` | what checks a node |
 //! | `again` | what drives finished runs again |
 //! | `reading` | what reads finished runs |
 //! | `pictures` | what draws them |
 
 mod again;
+mod check;
 mod pictures;
 mod reading;
 
@@ -23,6 +25,7 @@ use results::drivers::{self, DRIVERS, MotionName, Predictor};
 use results::settings::Record;
 
 pub use again::{BlameArgs, ForkArgs, ReplayArgs};
+pub use check::{CheckFormat, CheckNodeArgs};
 pub use pictures::{PictureStep, RenderArgs, Size};
 pub use reading::{CompareArgs, PredictionsArgs, ReportArgs, ScoreArgs, TableArgs, ValidityArgs};
 
@@ -89,6 +92,11 @@ pub enum Command {
     ///
     /// A step shows what came of it, as the tables number them. Plans and predictions are drawn where the episode is recorded. An MP4 takes `ffmpeg`.
     Render(RenderArgs),
+    /// Check a planner or predictor of your own against the rules of the bus, and say what to do
+    ///
+    /// Drives short scenes with it, twice and in other orders; tells it odd scenes and what cannot be read; kills it, ends its input, takes its seat. A line a
+    /// rule: it holds, is in doubt, or is broken, with what was seen. Exits with 1 when one is broken. docs/check-node.md has a page of them.
+    CheckNode(CheckNodeArgs),
     /// Hold the protocol `paper` to vectors of the authors' simulator
     ///
     /// Drives the episodes that the folder holds and prints the worst deviation of each quantity beside its tolerance. Exits with
@@ -106,6 +114,7 @@ impl Command {
             Self::Evaluate(arguments) => !arguments.in_process,
             Self::Replay(arguments) => !arguments.in_process && (arguments.live || arguments.from.is_some()),
             Self::Blame(arguments) => !arguments.in_process,
+            Self::CheckNode(_) => true,
             _ => false,
         }
     }
@@ -211,6 +220,10 @@ pub struct RunArgs {
     #[arg(long, value_name = "tcp/HOST:PORT", help_heading = "How to run")]
     pub endpoint: Option<String>,
 
+    /// Show the run in the Rerun viewer while it is driven: in one that is open, else `rerun` is started. The run never waits for it
+    #[arg(long, help_heading = "How to run")]
+    pub view: bool,
+
     /// Say on standard error where the time went
     #[arg(long, help_heading = "How to run")]
     pub timing: bool,
@@ -246,6 +259,7 @@ impl RunArgs {
             start_timeout: None,
             endpoint: None,
             timing: false,
+            view: false,
         }
     }
 }

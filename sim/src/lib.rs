@@ -6,6 +6,7 @@
 //! | [`entrants`] | a file of who drives |
 //! | [`matrix`] | several drivers over the same scenes |
 //! | [`side_by_side`] | two drives of a scene in one viewer |
+//! | [`check`] | is a node what the bus expects of one? |
 //! | [`blame`] | failures driven again with one thing changed |
 //! | [`predictions`] | the predictions of recorded episodes, scored |
 //! | [`replay`] | recorded episodes driven again |
@@ -17,6 +18,7 @@
 //! One drive is in [`episode`], what a run leaves in [`results`], tables are in [`evaluation`].
 
 pub mod blame;
+pub mod check;
 pub mod cli;
 pub mod entrants;
 pub mod evaluate;

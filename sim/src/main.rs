@@ -18,8 +18,8 @@ use evaluation::validity;
 use results::files;
 use results::summary::{Summary, SummaryError};
 use sim::cli::{
-    BlameArgs, Cli, Command, CompareArgs, EvaluateArgs, MatrixArgs, PredictionsArgs, RenderArgs, ReplayArgs,
-    ReportArgs, RunArgs, ScoreArgs, TableArgs, ValidityArgs, VerifyArgs,
+    BlameArgs, CheckFormat, CheckNodeArgs, Cli, Command, CompareArgs, EvaluateArgs, MatrixArgs, PredictionsArgs,
+    RenderArgs, ReplayArgs, ReportArgs, RunArgs, ScoreArgs, TableArgs, ValidityArgs, VerifyArgs,
 };
 use sim::evaluate::request::Evaluation;
 use sim::matrix;
@@ -43,7 +43,9 @@ fn main() -> ExitCode {
         bus_threads::settle();
     }
     let console = Console::new();
-    log_to(&console, cli.verbose);
+    // What the sim warns of is provoked there, and told in the report.
+    let quiet = if matches!(cli.command, Command::CheckNode(_)) { "error" } else { "warn,zenoh=error" };
+    log_to(&console, cli.verbose, quiet);
     let done = match cli.command {
         Command::Run(arguments) => drive(*arguments, clock, &console),
         Command::Matrix(arguments) => drive_matrix(&arguments, clock, &console),
@@ -57,6 +59,7 @@ fn main() -> ExitCode {
         Command::Blame(arguments) => print_blame(&arguments, clock, &console),
         Command::Report(arguments) => write_report(&arguments, &console),
         Command::Render(arguments) => draw(&arguments, clock, &console),
+        Command::CheckNode(arguments) => check_node(&arguments, &console),
         Command::Verify(arguments) => print_verdict(&arguments),
     };
     match done {
@@ -72,9 +75,9 @@ fn main() -> ExitCode {
 }
 
 /// The log goes to standard error; `RUST_LOG` says of what, else the number of `-v`.
-fn log_to(console: &Console, verbose: u8) {
+fn log_to(console: &Console, verbose: u8, quiet: &str) {
     let level = match verbose {
-        0 => "warn,zenoh=error",
+        0 => quiet,
         1 => "warn,zenoh=error,sim=info,wire=info",
         2 => "info,sim=debug,wire=debug,scenarios=debug",
         _ => "debug",
@@ -296,6 +299,17 @@ fn draw(arguments: &RenderArgs, clock: WallClock, console: &Console) -> anyhow::
     }
     terminal::say(&drawn.text())?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Prints what is wrong with a node.
+fn check_node(arguments: &CheckNodeArgs, console: &Console) -> anyhow::Result<ExitCode> {
+    let interrupts = Interrupts::catch()?;
+    let report = sim::check::check(arguments, console, interrupts.nodes())?;
+    terminal::say(&match arguments.format {
+        CheckFormat::Text => report.text(width()),
+        CheckFormat::Json => report.json()?,
+    })?;
+    Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 fn print_verdict(arguments: &VerifyArgs) -> anyhow::Result<ExitCode> {

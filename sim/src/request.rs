@@ -37,6 +37,8 @@ pub struct Request {
     pub verify: bool,
     /// Whether to say where the time went.
     pub timing: bool,
+    /// Whether a viewer shows it while it is driven.
+    pub view: bool,
 }
 
 /// A command line that cannot be meant.
@@ -165,8 +167,8 @@ impl Request {
             weights: arguments.weights.map(|path| path.display().to_string()),
             scenarios: if arguments.paths.is_empty() { arguments.scenarios } else { arguments.paths },
         };
-        let RunArgs { out, retry, verify, timing, .. } = arguments;
-        Ok(Self { settings, machine, out, retry, verify, timing })
+        let RunArgs { out, retry, verify, timing, view, .. } = arguments;
+        Ok(Self { settings, machine, out, retry, verify, timing, view })
     }
 }
 

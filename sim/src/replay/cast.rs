@@ -64,7 +64,7 @@ pub fn again(file: &RunFile, means: &Means) -> Result<Request, CastError> {
     }
     let mut settings = file.settings.clone();
     settings.record = Record::None;
-    Ok(Request { settings, machine, out: None, retry: Vec::new(), verify: false, timing: false })
+    Ok(Request { settings, machine, out: None, retry: Vec::new(), verify: false, timing: false, view: false })
 }
 
 /// Where the weights of the run are; none where it has none, or those that are built in.

@@ -74,11 +74,8 @@ pub fn run(
         let lead = Lead::Recording { path: recording(folder, line), until: from };
         (line.id.clone(), Beginning { lead: Some(lead), ..Beginning::default() })
     };
-    let task = Task {
-        scenes: cast::scenes(&request.machine.scenarios, lines.iter().copied())?,
-        beginnings: lines.iter().copied().map(led).collect(),
-        onlooker: None,
-    };
+    let scenes = cast::scenes(&request.machine.scenarios, lines.iter().copied())?;
+    let task = Task { beginnings: lines.iter().copied().map(led).collect(), ..Task::of(scenes) };
     Ok(run_task(&request, task, clock, console, interrupts)?)
 }
 

@@ -61,10 +61,11 @@ pub fn run(
             let lead = (until > 0).then(|| Lead::Recording { path: recording(line), until });
             (line.id.clone(), Beginning { lead, ..Beginning::default() })
         };
+        let scenes = cast::scenes(&request.machine.scenarios, recorded.iter().copied())?;
         let task = Task {
-            scenes: cast::scenes(&request.machine.scenarios, recorded.iter().copied())?,
             beginnings: recorded.iter().copied().map(led).collect(),
             onlooker: Some(onlooker(folder.join("episodes"), Arc::clone(&found))),
+            ..Task::of(scenes)
         };
         run_task(&request, task, clock, console, interrupts).map_err(RunError::with_nothing_kept)?;
     }

@@ -64,7 +64,7 @@ pub fn judge(
     let (Opened::New(folder) | Opened::Unfinished(folder) | Opened::Finished(folder)) =
         Folder::open(place.path(), &file)?;
     let cores = file.machine.pin.then(Cores::of_this_thread).transpose().map_err(RunError::Pin)?;
-    let reach = reach(&file, console)?;
+    let reach = reach(&file, false, console)?;
     let run = (scenes.clone(), file.clone(), folder);
     let shared = Arc::new(Shared {
         frames: Some(Frames { definitions, rows: Mutex::default() }),

@@ -16,10 +16,11 @@
 //! | [`beginning`] | episodes that are not their driver's from the first step on |
 //! | [`frames`] | no drive at all: plans at frames of the log, to be judged |
 //! | [`ready`] | the next scene, made ready while others are driven |
+//! | [`view`] | a viewer that shows the run while it is driven |
 //! | [`scene_index`] | where nodes that read the log find the scenes |
 //! | [`progress`] | which episodes are done, and which are to be driven |
 //! | [`bus_threads`] | the threads of the bus |
-//! | [`process`], [`shell`], [`voice`], [`raised`], [`witness`] | nodes: started, heard, and how they ended |
+//! | [`calling`], [`process`], [`shell`], [`voice`], [`raised`], [`witness`] | nodes: started, heard, and how they ended |
 //! | [`console`], [`interrupt`], [`threads`], [`clock`] | standard error, Ctrl-C, panics, time |
 //! | [`timing`] | where the time went |
 
@@ -56,11 +57,13 @@ use self::interrupt::Interrupts;
 use self::progress::Progress;
 use self::shared::{Onlooker, Reach, Shared};
 use self::timing::Breakdown;
+use self::view::View;
 use self::worker::Order;
 use crate::request::Request;
 
 pub mod beginning;
 pub mod bus_threads;
+pub mod calling;
 pub mod clock;
 pub mod console;
 pub mod core;
@@ -81,6 +84,7 @@ pub mod shared;
 pub mod shell;
 pub mod threads;
 pub mod timing;
+pub mod view;
 pub mod voice;
 pub mod witness;
 pub mod worker;
@@ -163,6 +167,16 @@ pub struct Task {
     pub beginnings: Beginnings,
     /// Who looks at each episode when it is stored.
     pub onlooker: Option<Onlooker>,
+    /// Whether a viewer shows it while it is driven.
+    pub view: bool,
+}
+
+impl Task {
+    /// All of these scenes, driven from their beginning, and nobody looks on.
+    #[must_use]
+    pub fn of(scenes: SceneSet) -> Self {
+        Self { scenes, beginnings: Beginnings::default(), onlooker: None, view: false }
+    }
 }
 
 /// Drives `request`, or continues it.
@@ -177,7 +191,7 @@ pub fn run(request: &Request, clock: WallClock, console: &Console, interrupts: &
     if request.verify {
         scenes.verify()?;
     }
-    run_task(request, Task { scenes, beginnings: Beginnings::default(), onlooker: None }, clock, console, interrupts)
+    run_task(request, Task { view: request.view, ..Task::of(scenes) }, clock, console, interrupts)
 }
 
 /// Drives this task as `request` says, or continues it; its scenes are those of the task.
@@ -241,7 +255,7 @@ fn begun(request: &Request, scenes: &SceneSet) -> RunFile {
 
 /// Drives what is pending, and merges it with what is done.
 fn drive_pending(
-    Task { scenes, beginnings, onlooker }: Task,
+    Task { scenes, beginnings, onlooker, view }: Task,
     file: RunFile,
     folder: Folder,
     progress: Progress,
@@ -267,7 +281,7 @@ fn drive_pending(
     if let Some(cores) = cores.filter(|_| alone) {
         cores.one(0).and_then(|one| one.keep_to()).map_err(RunError::Pin)?;
     }
-    let reach = reach(&file, console)?;
+    let reach = reach(&file, view, console)?;
     if let Some(cores) = cores {
         cores.keep_to().map_err(RunError::Pin)?;
     }
@@ -276,8 +290,12 @@ fn drive_pending(
         onlooker,
         ..Shared::new((scenes, file, folder), reach, cores, clock, console, interrupts.nodes())
     });
+    let view = if view { View::start(&shared) } else { None };
     let ending = drive_all(&shared, pending.clone(), interrupts);
     console.end();
+    if let Some(view) = view {
+        view.end();
+    }
     let part = |scene: &SceneLine| shared.folder.part(&scene.id).ok().flatten();
     let state = || {
         let before = |scene: &SceneLine| earlier.as_ref().is_some_and(|earlier| earlier.standing(&scene.id).is_some());
@@ -306,13 +324,13 @@ fn drive_pending(
 }
 
 /// What the driver of a run is reached by: there is no bus where it is in this process and nobody records.
-fn reach(file: &RunFile, console: &Console) -> Result<Reach, RunError> {
+fn reach(file: &RunFile, view: bool, console: &Console) -> Result<Reach, RunError> {
     if !file.machine.in_process {
         return open_bus(file, console);
     }
     let logs = Arc::default();
     let minds = in_process::minds(&file.settings, &file.machine, &logs)?;
-    let bus = if file.settings.record == Record::None { Reach::default() } else { open_bus(file, console)? };
+    let bus = if file.settings.record == Record::None && !view { Reach::default() } else { open_bus(file, console)? };
     Ok(Reach { minds: Some(minds), logs, ..bus })
 }
 

@@ -144,11 +144,27 @@ impl Process {
 
     /// Asks it to leave, and kills it if it has not left after `patience`.
     pub fn stop(mut self, patience: Duration) {
+        self.end_input();
+        self.wait(patience);
+    }
+
+    /// Ends its standard input: a node that was told so leaves.
+    pub fn end_input(&mut self) {
         drop(self.child.stdin.take());
+    }
+
+    /// Sends `signal` to it and to what it started. That it is gone already is no error.
+    pub fn signal(&self, signal: Signal) {
+        let _ = killpg(Pid::from_raw(self.child.id() as i32), signal);
+    }
+
+    /// Waits until it has ended, at most for `patience`, and says how it did.
+    pub fn wait(&mut self, patience: Duration) -> Option<String> {
         let until = Instant::now() + patience;
         while self.gone().is_none() && Instant::now() < until {
             thread::sleep(Duration::from_millis(5));
         }
+        self.gone()
     }
 }
 

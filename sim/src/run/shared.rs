@@ -11,10 +11,10 @@ use results::settings::RunFile;
 use scenarios::SceneSet;
 use wire::cores::Cores;
 use wire::hub::{BarrierError, Hub, Minds, Seat};
-use wire::keys::Secret;
 
 use super::beginning::Beginnings;
 use super::bus_threads;
+use super::calling;
 use super::clock::WallClock;
 use super::console::Console;
 use super::frames::Frames;
@@ -143,20 +143,7 @@ impl Shared {
         seat: &Seat,
         groups: &Groups,
     ) -> Result<Process, String> {
-        let hub = self.hub()?;
-        let run = hub.run().to_string();
-        // Nodes say what the sim would say, unless the user said otherwise.
-        if std::env::var_os("RUST_LOG").is_none() {
-            // A message that comes while a session closes is an error to Zenoh; here it is the end of every run.
-            let quiet = "warn,zenoh::api::session=off";
-            command.env("RUST_LOG", if tracing::enabled!(tracing::Level::INFO) { "info" } else { quiet });
-        }
-        // In the environment too, for a planner's command that is a script.
-        command.env("NO_COLOR", "1").env("RELOOP_ENDPOINT", hub.endpoint()).env("RELOOP_RUN", &run);
-        command.env("RELOOP_EXIT_WITH_PARENT", "true");
-        // There alone: everybody on the machine can read arguments.
-        command.env(Secret::VARIABLE, seat.secret().reveal());
-        command.args(["--endpoint", hub.endpoint(), "--run", &run, "--exit-with-parent"]);
+        calling::to_seat(&mut command, self.hub()?, seat);
         // The logs of a worker's nodes are one: what they say belongs together.
         let log = process.rsplit(' ').next().unwrap_or(process);
         let voice = Voice::new(process, &self.console, self.folder.file("logs").join(format!("{log}.log")));

@@ -45,6 +45,13 @@ impl Voice {
         Self { name: name.to_owned(), console: console.clone(), log: Arc::new(Mutex::new(log)), raised: Arc::default() }
     }
 
+    /// A voice that no log keeps.
+    #[must_use]
+    pub fn unlogged(name: &str, console: &Console) -> Self {
+        let log = Log { path: PathBuf::new(), file: None, room: 0 };
+        Self { name: name.to_owned(), console: console.clone(), log: Arc::new(Mutex::new(log)), raised: Arc::default() }
+    }
+
     /// Passes on what is read from `from`, to its end.
     pub fn read(&self, from: impl Read) {
         each_line(from, |line| {

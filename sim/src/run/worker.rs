@@ -1,7 +1,6 @@
 //! A worker: a thread with nodes of its own, that drives one scene after the other and stores what came of it.
 
 use std::fs;
-use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, SyncSender};
@@ -18,15 +17,14 @@ use wire::proto::{AgentState, EndReason, EpisodeEnd};
 use world::scene::Scene;
 
 use super::beginning::{Begun, NotBegun};
-use super::bus_threads;
+use super::calling;
 use super::clock::Clock;
 use super::core::{Drive, Event};
 use super::drive::{Driven, drive};
 use super::line::LineDriver;
-use super::process::{self, Process};
+use super::process::Process;
 use super::ready::{Prepared, Ready};
 use super::shared::Shared;
-use super::shell;
 use super::witness::Witness;
 
 /// What the recorder may take to close an episode's file, beyond the deadline of an answer.
@@ -187,14 +185,7 @@ impl Worker<'_> {
     /// Starts a command of the user's.
     fn start_own(&self, role: Role, command: &str, seat: &Seat) -> Result<Process, String> {
         let (worker, name) = (self.name.to_string(), self.node_name());
-        let mut shell = Command::new("sh");
-        // So that a command finds the nodes of this sim, wherever they are installed.
-        if let Some(path) = process::path_with_our_programs() {
-            shell.env("PATH", path);
-        }
-        shell.args(["-c", &shell::line(command), "sh", "--worker", &worker, "--name", &name]);
-        bus_threads::set(&mut shell, None);
-        shell.env("RELOOP_WORKER", &worker).env("RELOOP_NAME", &name);
+        let shell = calling::own(command, &worker, &name);
         self.shared.start_command(&format!("{role} {worker}"), shell, seat, &self.shared.groups)
     }
 

@@ -46,6 +46,8 @@ fn help_says_what_can_be_typed() {
                    without those steps
       report       Write runs as one page to send to somebody, with failed drives to be played
       render       Draw a drive from above: a picture of a step, or a clip
+      check-node   Check a planner or predictor of your own against the rules of the bus, and say what
+                   to do
       verify       Hold the protocol `paper` to vectors of the authors' simulator
       help         Print this message or the help of the given subcommand(s)
 
@@ -116,6 +118,8 @@ fn help_says_what_can_be_typed() {
           --start-timeout <TIME>      How long nodes may take to start [default: 20s; 10m for a planner
                                       that you start yourself]
           --endpoint <tcp/HOST:PORT>  Where to listen for nodes [default: a free port of this machine]
+          --view                      Show the run in the Rerun viewer while it is driven: in one that
+                                      is open, else `rerun` is started. The run never waits for it
           --timing                    Say on standard error where the time went
     --- stderr
     ");

@@ -8,6 +8,7 @@
 //! | `killed.rs` | a killed run is continued, and comes out as if it had not been |
 //! | `healed.rs` | a retried run, and one whose disk was full, come out as if nothing had happened; changed files are named |
 //! | `planner_command.rs` | a planner's command is one for a shell; what it says is logged |
+//! | `check_node.rs` | what is wrong with a node is found, and nothing else |
 //! | `own_planner.rs` | the example of a planner in Rust drives |
 //! | `python.rs` | the Python SDK: planners and predictors in it drive, and it reads what a run leaves |
 //! | `nodes.rs` | nodes that die, stall or lie cost their own episode and nothing else |
@@ -18,6 +19,7 @@
 //! | `replay.rs` | `sim replay` finds what was driven the same, names what is not and who is to blame, and lets others take over |
 //! | `blame.rs` | `sim blame` fails again what failed, and tells what saves it |
 //! | `report.rs`, `browser.rs` | a report is played, scrubbed and filtered in a browser, where there is one; drives are pictures and clips |
+//! | `view.rs` | a viewer is shown the run, and holds nothing up |
 //! | `validity.rs` | drives judged again: where somebody would have had to react, and every figure without that |
 //! | `side_by_side.rs` | two drives of a scene are drawn into one file |
 //! | `pause.rs` | a run that stands still for a while comes out as if it had not |
@@ -33,6 +35,7 @@
 mod blame;
 mod browser;
 mod bus;
+mod check_node;
 mod demo;
 mod future;
 mod healed;
@@ -57,3 +60,4 @@ mod scenes;
 mod side_by_side;
 mod stage;
 mod validity;
+mod view;

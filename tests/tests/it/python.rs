@@ -176,6 +176,19 @@ fn a_predictor_in_python_predicts_under_the_real_sim() {
 }
 
 #[test]
+fn planners_and_predictors_in_python_keep_every_rule_of_the_bus() {
+    let Some(python) = python() else { return };
+    for (which, file) in [("--planner-command", "planner.py"), ("--predictor-command", "predictor.py")] {
+        let stage = Stage::new();
+        let command = format!("'{}' '{}'", python.display(), example(file).display());
+        let output = ran(stage.command("check-node --golden golden.json").args([which, &command]));
+        stage.wait_until_alone();
+        let text = said(&output);
+        assert!(output.status.success() && text.contains("16 hold, 0 in doubt, 0 broken, 0 skipped"), "{text}");
+    }
+}
+
+#[test]
 fn an_exception_in_a_plan_is_the_reason_and_its_traceback_is_in_the_log() {
     let Some(python) = python() else { return };
     let stage = Stage::new();
