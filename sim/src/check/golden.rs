@@ -55,10 +55,17 @@ impl Golden {
     /// # Errors
     /// [`GoldenError`].
     pub fn read(path: &Path, role: Role) -> Result<Self, GoldenError> {
-        let text = fs::read_to_string(path).map_err(at("read", path))?;
+        Self::parse(&fs::read_to_string(path).map_err(at("read", path))?, path, role)
+    }
+
+    /// Reads them out of `text`, which lies under `path`.
+    ///
+    /// # Errors
+    /// [`GoldenError`].
+    pub fn parse(text: &str, path: &Path, role: Role) -> Result<Self, GoldenError> {
         let path = path.display().to_string();
-        let golden: Self =
-            serde_json::from_str(&text).map_err(|source| GoldenError::Format { path: path.clone(), source })?;
+        let read = serde_json::from_str(text);
+        let golden: Self = read.map_err(|source| GoldenError::Format { path: path.clone(), source })?;
         if golden.role != role.to_string() {
             return Err(GoldenError::Role { path, theirs: golden.role, ours: role.to_string() });
         }
