@@ -16,6 +16,7 @@ import pathlib
 import queue
 import sys
 import tempfile
+import threading
 
 import zenoh
 from google.protobuf.message import DecodeError
@@ -24,6 +25,7 @@ from grpc_tools import protoc
 WIRE_VERSION = 3  # of wire/proto/reloop.proto; the simulator refuses any other
 PLAN_STEPS = 50  # 0.1 s to 5.0 s ahead
 STEP_SECONDS = 0.1
+ADMISSION_SECONDS = 10  # after which who is not let in is not known
 SAMPLE_SPACING = 0.1  # metres between two samples of the reference line
 
 
@@ -89,6 +91,8 @@ class Desk:
         try:
             if self.planner is None or episode != self.episode:
                 raise ValueError("the scene never came")
+            if self.planner.scene.wire_version != WIRE_VERSION:
+                raise ValueError(f"the scene is of version {self.planner.scene.wire_version}, not {WIRE_VERSION}")
             return self.planner.plan(observation)
         except Exception as error:  # an honest refusal is better than silence: that would cost the deadline
             return self.pb.Plan(step=observation.step, error=f"{type(error).__name__}: {error}")
@@ -101,6 +105,8 @@ def options():
     parser.add_argument("--run", default=os.environ.get("RELOOP_RUN"))
     parser.add_argument("--worker", default=os.environ.get("RELOOP_WORKER", "*"))
     parser.add_argument("--name", default=os.environ.get("RELOOP_NAME", f"python-{os.getpid()}"))
+    leave = os.environ.get("RELOOP_EXIT_WITH_PARENT") == "true"
+    parser.add_argument("--exit-with-parent", action="store_true", default=leave)
     return parser.parse_known_args()[0]
 
 
@@ -133,13 +139,24 @@ def main():
         serves = "all" if worker == "*" else worker
         token = session.liveliness().declare_token(f"{seat}/@node/planner/{serves}/{asked.name}/{me}/{WIRE_VERSION}")
 
-        desks = {}
-        while (sample := todo.get()) is not None:
+        # Nothing is ever written there: it ends with whoever started this.
+        if asked.exit_with_parent:
+            threading.Thread(target=lambda: (sys.stdin.read(), todo.put(None)), daemon=True).start()
+
+        desks, patience = {}, ADMISSION_SECONDS
+        while True:
+            try:
+                sample = todo.get(timeout=patience)
+            except queue.Empty:
+                sys.exit(f"run {run} has not let this planner in: is RELOOP_SECRET what it said?")
+            if sample is None:
+                break
             key, payload = str(sample.key_expr), bytes(sample.payload)
             if "/@door/" in key:
                 word = pb.Admission.FromString(payload)
                 if not word.accepted:
                     sys.exit(f"planner {asked.name} is refused: {word.reason}")
+                patience = None
                 continue
             try:
                 told_now = pb.Told.FromString(payload)

@@ -22,6 +22,9 @@ const LEAVING: Duration = Duration::from_secs(5);
 /// How long a node that nobody knows may wait to be let in.
 const UNKNOWN: Duration = Duration::from_secs(20);
 
+/// How it ends who leaves as it should.
+const IN_PEACE: &str = "exited with code 0";
+
 /// How long something that may come is waited for.
 const LULL: Duration = Duration::from_millis(300);
 
@@ -402,14 +405,17 @@ fn begin_unknown(stand: &Stand) -> Result<(Process, Instant), String> {
 }
 
 fn leaves_unknown(mut process: Process, start: Instant) -> Result<String, String> {
-    let how = left(&mut process, UNKNOWN.saturating_sub(start.elapsed()), false)?;
-    Ok(format!("with a secret that nobody knows it {how}"))
+    match process.wait(UNKNOWN.saturating_sub(start.elapsed())) {
+        None => Err(format!("with a secret that nobody knows it stays for over {} s", UNKNOWN.as_secs())),
+        Some(how) if how == IN_PEACE => Err(format!("with a secret that nobody knows it {how}, as if all were well")),
+        Some(how) => Ok(format!("with a secret that nobody knows it {how}")),
+    }
 }
 
 /// How it left, if it did, and with the right kind of code.
 fn left(process: &mut Process, patience: Duration, in_peace: bool) -> Result<String, String> {
     let how = process.wait(patience).ok_or_else(|| format!("it stays for over {} s", patience.as_secs()))?;
-    match (how == "exited with code 0", in_peace) {
+    match (how == IN_PEACE, in_peace) {
         (true, true) | (false, false) => Ok(how),
         (true, false) => Err(format!("it {how}, as if all were well")),
         (false, true) => Err(format!("it {how}")),
@@ -428,7 +434,7 @@ fn leaves(stand: Stand) -> Finding {
         let mut node = fresh(&stand)?;
         match node.terminate(LEAVING).as_deref() {
             // Who has no handler ends by the signal: that is in order too.
-            Some("exited with code 0" | "was killed by SIGTERM" | "exited with code 143, as after SIGTERM") => {}
+            Some(IN_PEACE | "was killed by SIGTERM" | "exited with code 143, as after SIGTERM") => {}
             Some(how) => doubts.push(format!("on SIGTERM it {how}")),
             None => return Err(format!("on SIGTERM it stays for over {} s", LEAVING.as_secs())),
         }
