@@ -63,6 +63,8 @@ fn run_over(inputs: &[String], root: &Path, protocol: &str, finish: bool) -> Pat
             endpoint: None,
             weights: None,
             scenarios: inputs.to_vec(),
+            planner_certificates: Vec::new(),
+            zenoh_config: None,
         },
         scenes: entries.iter().enumerate().map(line).collect(),
     };

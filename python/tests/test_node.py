@@ -1,5 +1,6 @@
 """Nodes as real processes, over a real bus, before a small sim."""
 
+import tempfile
 import unittest
 from pathlib import Path
 
@@ -171,7 +172,10 @@ class NodeTest(unittest.TestCase):
         with SmallSim() as sim:
             node = sim.start(STANDS)
             sim.admit(accepted=False, reason="planner other sits there")
-            expected = "error: planner mine (worker w0) is refused: planner other sits there\n"
+            expected = (
+                "error: planner mine (worker w0) is refused: planner other sits there\n"
+                "  hint: whoever runs the sim decides it; its log says the same\n"
+            )
             self.assertEqual(self.left(node), (2, expected))
 
     def test_a_sim_of_another_version_is_refused_with_both(self):
@@ -194,6 +198,22 @@ class NodeTest(unittest.TestCase):
                 code, err = self.left(node)
                 self.assertEqual(code, 2)
                 self.assertIn(f"error: {said}", err)
+
+    def test_a_zenoh_configuration_that_cannot_be_used_is_named_and_no_value_of_it_shown(self):
+        faults = {
+            "{ transport: { link: { tls: { enable_mtls: 's3cret' } } } }": "invalid type",
+            "{ transport: { link: { tls: { root_ca: 's3cret' } } } }": "unknown field `root_ca`",
+            "{ transport: { link: { tls: { connect_certificate: 'none.pem' } } } }": "connect_certificate: there is no",
+        }
+        with SmallSim() as sim, tempfile.TemporaryDirectory() as folder:
+            for text, said in faults.items():
+                file = Path(folder, "mine.json5")
+                file.write_text(text)
+                code, err = self.left(sim.start(STANDS, "--zenoh-config", str(file)))
+                self.assertEqual(code, 2)
+                self.assertIn(f"error: {file}: ", err)
+                self.assertIn(said, err)
+                self.assertNotIn("s3cret", err)
 
     def test_a_planner_that_needs_predictions_leaves_a_run_without(self):
         with SmallSim() as sim:

@@ -187,6 +187,21 @@ pub struct Machine {
     pub weights: Option<String>,
     /// The scenes, as they were asked for; none for the built-in demo set.
     pub scenarios: Vec<String>,
+    /// Common names of the certificates that the planner of other hosts may have; none where it needs none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub planner_certificates: Vec<String>,
+    /// The user's Zenoh configuration, if there was one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub zenoh_config: Option<ZenohConfig>,
+}
+
+/// A Zenoh configuration that was used. What it says stays where it is: there may be secrets.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ZenohConfig {
+    /// The file, from the root.
+    pub path: String,
+    /// SHA-256 of its bytes, in hexadecimal digits.
+    pub sha256: String,
 }
 
 impl Settings {
@@ -329,6 +344,8 @@ pub(crate) mod tests {
                 endpoint: None,
                 weights: None,
                 scenarios: Vec::new(),
+                planner_certificates: Vec::new(),
+                zenoh_config: None,
             },
             scenes: vec![SceneLine { id: "a".to_owned(), sha256: "00".to_owned(), fingerprint: None }],
         }

@@ -201,7 +201,7 @@ pub struct RunArgs {
     pub parallel: Option<u16>,
 
     /// Drive in this process, without nodes and bus: the same results and recordings at less cost; for drivers of ours
-    #[arg(long, conflicts_with_all = ["planner", "planner_command", "predictor_command", "endpoint"], help_heading = "How to run")]
+    #[arg(long, conflicts_with_all = ["planner", "planner_command", "predictor_command", "endpoint", "zenoh_config"], help_heading = "How to run")]
     pub in_process: bool,
 
     /// Keep each worker with its nodes on a core of its own: faster, where nothing else wants the cores
@@ -216,13 +216,21 @@ pub struct RunArgs {
     #[arg(long, value_name = "TIME", value_parser = parse_duration, help_heading = "How to run")]
     pub start_timeout: Option<Duration>,
 
-    /// Where to listen for nodes [default: a free port of this machine]
-    #[arg(long, value_name = "tcp/HOST:PORT", help_heading = "How to run")]
+    /// Where to listen for nodes of others: tcp/HOST:PORT, or tls/HOST:PORT with --zenoh-config [default: nowhere but at a socket of
+    /// your own]
+    #[arg(long, value_name = "WHERE", help_heading = "How to run")]
     pub endpoint: Option<String>,
 
     /// Show the run in the Rerun viewer while it is driven: in one that is open, else `rerun` is started. The run never waits for it
     #[arg(long, help_heading = "How to run")]
     pub view: bool,
+    /// A Zenoh configuration (JSON5) with the sim's certificate, to listen to other hosts by TLS; docs/hosts.md has examples
+    #[arg(long, value_name = "FILE", help_heading = "How to run")]
+    pub zenoh_config: Option<PathBuf>,
+
+    /// Whose certificate a planner that you start yourself must have, by its common name; several, with commas between [default: any]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires_all = ["planner", "endpoint", "zenoh_config"], help_heading = "How to run")]
+    pub planner_certificate: Vec<String>,
 
     /// Say on standard error where the time went
     #[arg(long, help_heading = "How to run")]
@@ -258,6 +266,8 @@ impl RunArgs {
             deadline: DEADLINE,
             start_timeout: None,
             endpoint: None,
+            zenoh_config: None,
+            planner_certificate: Vec::new(),
             timing: false,
             view: false,
         }

@@ -30,11 +30,13 @@ use sim::run::bus_threads;
 use sim::run::clock::{Clock, WallClock};
 use sim::run::console::Console;
 use sim::run::interrupt::{INTERRUPTED, Interrupts};
+use sim::run::refusals::Refusals;
 use sim::run::{self, RunError};
 use sim::side_by_side;
 use sim::verify::verify;
 use sim::{render, report};
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::prelude::*;
+use tracing_subscriber::{EnvFilter, fmt};
 
 fn main() -> ExitCode {
     let clock = WallClock::start();
@@ -83,8 +85,8 @@ fn log_to(console: &Console, verbose: u8, quiet: &str) {
         _ => "debug",
     };
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_ansi(terminal::colours(&io::stderr()));
-    log.with_writer(console.clone()).without_time().init();
+    let log = fmt::layer().with_ansi(terminal::colours(&io::stderr())).with_writer(console.clone()).without_time();
+    tracing_subscriber::registry().with(log.with_filter(filter)).with(Refusals::told_on(console)).init();
 }
 
 fn drive(arguments: RunArgs, clock: WallClock, console: &Console) -> anyhow::Result<ExitCode> {

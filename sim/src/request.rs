@@ -10,9 +10,10 @@ use network::features::Settings as Features;
 use network::weights::features_of;
 use results::drivers::{self, Driver, MotionName, Predictor};
 use results::files::{self, FileError};
-use results::settings::{Machine, Node, Planner, Settings};
+use results::settings::{Machine, Node, Planner, Settings, ZenohConfig};
 use results::weights;
 use thiserror::Error;
+use wire::session::{ZenohFile, ZenohFileError};
 
 use crate::cli::{self, ProtocolName, Retry, RunArgs};
 
@@ -74,6 +75,10 @@ pub enum RequestError {
     NoNetwork(String),
     #[error("cannot read the weights: {0}")]
     Weights(#[from] FileError),
+    #[error("cannot use the Zenoh configuration: {0}")]
+    ZenohFile(#[from] ZenohFileError),
+    #[error("cannot read the Zenoh configuration: {0}")]
+    ZenohFileSum(FileError),
     #[error(transparent)]
     Setting(#[from] SettingError),
 }
@@ -166,6 +171,8 @@ impl Request {
             endpoint: arguments.endpoint,
             weights: arguments.weights.map(|path| path.display().to_string()),
             scenarios: if arguments.paths.is_empty() { arguments.scenarios } else { arguments.paths },
+            planner_certificates: arguments.planner_certificate,
+            zenoh_config: arguments.zenoh_config.as_deref().map(zenoh_config).transpose()?,
         };
         let RunArgs { out, retry, verify, timing, view, .. } = arguments;
         Ok(Self { settings, machine, out, retry, verify, timing, view })
@@ -184,6 +191,13 @@ fn network(driver: &Driver, file: Option<&Path>, features: Option<&str>) -> Resu
     let usual = if weights::is_ours(&sha256) { weights::FEATURES } else { "authors" };
     let options = vec!["--features".to_owned(), features.or(said).unwrap_or(usual).to_owned()];
     Ok(Node { options, weights_sha256: Some(sha256), ..Node::named("network", false) })
+}
+
+/// A Zenoh configuration, if it can be used.
+fn zenoh_config(path: &Path) -> Result<ZenohConfig, RequestError> {
+    let file = ZenohFile::read(path)?;
+    let sha256 = files::sha256([file.path()]).map_err(RequestError::ZenohFileSum)?;
+    Ok(ZenohConfig { path: file.path().display().to_string(), sha256 })
 }
 
 /// The files among the words of a shell command, with their SHA-256. What they load themselves is not seen.

@@ -1,4 +1,4 @@
-//! What the bus costs a step: observation out, plan back, to an empty planner in another process over loopback TCP.
+//! What the bus costs a step: observation out, plan back, to an empty planner in another process, by the run's socket.
 //!
 //! The observation has 64 agents and a whole window of 1,200 samples; the plan has 50 states and 50 controls. Time is
 //! that of [`wire::hub::EpisodeLine::step`]: conversion, encoding and decoding on both sides included. The floor is a
@@ -219,6 +219,7 @@ fn options(endpoint: &str, secret: &str) -> Options {
         worker: w0(),
         name: None,
         secret: Some(Secret::from(secret)),
+        zenoh_config: None,
         exit_with_parent: false,
     }
 }

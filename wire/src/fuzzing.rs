@@ -11,6 +11,7 @@ use crate::convert::{self, Message, MessageError, compact, decode, shown};
 use crate::envelope::{Content, Saying, Telling, open, seal};
 use crate::keys::{Address, Answering, NodeId, Place, Workers};
 use crate::proto;
+use crate::session::ZenohFile;
 
 /// Any bytes as a `Scene`: see `message`.
 pub fn scene(bytes: &[u8]) {
@@ -118,6 +119,13 @@ pub fn answer(bytes: &[u8]) {
 pub fn admission(bytes: &[u8]) {
     if let Ok(word) = decode::<proto::Admission>(bytes) {
         assert!(!shown(&word.reason).chars().any(char::is_control));
+    }
+}
+
+/// Any bytes as a Zenoh configuration: it is taken or refused.
+pub fn zenoh_config(bytes: &[u8]) {
+    if let Ok(text) = std::str::from_utf8(bytes) {
+        let _ = ZenohFile::parse("/mine.json5".into(), text).map_err(|error| error.to_string());
     }
 }
 

@@ -1,7 +1,7 @@
 //! What travels between the simulator, its nodes and the recorder, and how: messages, keys, sessions. Whoever writes a planner or a predictor
 //! needs this crate, `world` and clap, and no other of reloop.
 //!
-//! No planner lives here, and no file is read or written.
+//! No planner lives here, and no file is read or written but a user's Zenoh configuration.
 //!
 //! # A planner of your own
 //!

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import queue
 import threading
@@ -19,16 +18,12 @@ from . import messages
 from .errors import NodeError
 from .keys import Place, answer, worker_of
 from .options import Options
+from .session import open_session
 
 #: How long a node waits for the run to show itself, and to be let in (s).
 RUN_TIMEOUT = 10.0
 #: How often it asks for the run's settings meanwhile (s).
 _INFO_INTERVAL = 0.02
-#: How long a node tries to reach the sim (s).
-_CONNECT_TIMEOUT = 5.0
-#: How long either side may give no sign of life (ms): a month, which is to say for ever. A death is seen by the closed
-#: connection; who is silent and not dead was paused.
-_LEASE = 30 * 24 * 3600 * 1000
 
 
 class Stop(Enum):
@@ -91,30 +86,9 @@ class Connection:
     def open(cls, options: Options) -> Connection:
         """Connects to the sim.
 
-        Raises ``NodeError`` where there is none.
+        Raises ``NodeError`` where there is none, or the Zenoh configuration cannot be used.
         """
-        settings = {
-            "mode": "client",
-            "connect/endpoints": [options.endpoint],
-            "connect/timeout_ms": int(_CONNECT_TIMEOUT * 1000),
-            "connect/exit_on_failure": True,
-            "scouting/multicast/enabled": False,
-            "scouting/gossip/enabled": False,
-            "timestamping/enabled": False,
-            "transport/link/tx/lease": _LEASE,
-            # As long for a sim that takes nothing, because it is paused (µs).
-            "transport/link/tx/queue/congestion_control/block/wait_before_close": _LEASE * 1000,
-        }
-        config = zenoh.Config()
-        try:
-            for key, value in settings.items():
-                config.insert_json5(key, json.dumps(value))
-            return cls(options, zenoh.open(config))
-        except zenoh.ZError as error:
-            raise NodeError(
-                f"cannot reach a sim at {options.endpoint}: {_reason(error)}\n"
-                "  hint: is the run still on? `sim run -v` names its endpoint in its log"
-            ) from None
+        return cls(options, open_session(options))
 
     def __enter__(self) -> Connection:
         return self
@@ -248,7 +222,7 @@ class Connection:
 
     def _refused(self, role: str, reason: str) -> NodeError:
         hint = (
-            ""
+            "\n  hint: whoever runs the sim decides it; its log says the same"
             if self._options.secret
             else "\n  hint: `sim run` says the secret of a planner that it waits for; put it into RELOOP_SECRET"
         )
@@ -259,10 +233,3 @@ def _sim(sample: Any) -> _Sim | Stop:
     if sample.kind == zenoh.SampleKind.DELETE:
         return Stop.SIM_GONE
     return _Sim(str(sample.key_expr).rsplit("/", 1)[1])
-
-
-def _reason(error: Exception) -> str:
-    """What the transport says, without the line of its source that it ends with."""
-    text = str(error)
-    end = text.find(" at /")
-    return text[:end] if end >= 0 and ".rs:" in text[end:] else text

@@ -27,6 +27,8 @@ class Options:
     exit_with_parent: bool = False
     #: What it must know to be let in.
     secret: str | None = field(default=None, repr=False)
+    #: A Zenoh configuration (JSON5) with this node's certificate, for a sim on another host.
+    zenoh_config: str | None = None
 
     @classmethod
     def read(cls, arguments: Sequence[str] | None = None, environment: Mapping[str, str] | None = None) -> Options:
@@ -42,6 +44,7 @@ class Options:
         parser.add_argument("--run", default=env.get("RELOOP_RUN"))
         parser.add_argument("--worker", default=env.get("RELOOP_WORKER") or "*")
         parser.add_argument("--name", default=env.get("RELOOP_NAME") or f"python-{os.getpid()}")
+        parser.add_argument("--zenoh-config", default=env.get("RELOOP_ZENOH_CONFIG") or None)
         parser.add_argument("--exit-with-parent", action="store_true", default=_flag(env))
         asked, _ = parser.parse_known_args(sys.argv[1:] if arguments is None else list(arguments))
         missing = [f"--{name}" for name in ("endpoint", "run") if not getattr(asked, name)]
@@ -58,6 +61,7 @@ class Options:
             worker=worker,
             name=checked("node name", asked.name),
             exit_with_parent=asked.exit_with_parent,
+            zenoh_config=asked.zenoh_config,
             secret=secret and checked("secret", secret),
         )
 

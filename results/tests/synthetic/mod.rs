@@ -28,6 +28,8 @@ pub fn run_file(scenes: usize) -> RunFile {
         endpoint: None,
         weights: None,
         scenarios: Vec::new(),
+        planner_certificates: Vec::new(),
+        zenoh_config: None,
     };
     let line = |place| SceneLine { id: scene(place), sha256: format!("{place:064x}"), fingerprint: None };
     RunFile { settings, build: Build::this(), machine, scenes: (0..scenes).map(line).collect() }

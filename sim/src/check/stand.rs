@@ -83,9 +83,11 @@ impl Stand {
     ) -> Result<Self, String> {
         let says = |error: &dyn std::fmt::Display| error.to_string();
         let name = "check-node";
-        let hub =
-            Hub::open_with(&name.parse().map_err(|error| says(&error))?, &HubSettings { endpoint: None, deadline })
-                .map_err(|error| says(&error))?;
+        let hub = Hub::open_with(
+            &name.parse().map_err(|error| says(&error))?,
+            &HubSettings { deadline, ..HubSettings::default() },
+        )
+        .map_err(|error| says(&error))?;
         let info = RunInfo {
             wire_version: wire::WIRE_VERSION,
             run: name.to_owned(),

@@ -57,7 +57,8 @@ pub fn again(file: &RunFile, means: &Means) -> Result<Request, CastError> {
     (machine.parallel, machine.in_process) = (means.parallel, means.in_process);
     machine.weights = own_weights(file, means.weights.as_deref())?;
     if file.settings.planner != Planner::External {
-        machine.endpoint = None;
+        (machine.endpoint, machine.zenoh_config) = (None, None);
+        machine.planner_certificates.clear();
     }
     if !means.scenarios.is_empty() {
         machine.scenarios.clone_from(&means.scenarios);

@@ -19,13 +19,16 @@ pub fn to_run(command: &mut Command, hub: &Hub) {
     let run = hub.run().to_string();
     // Nodes say what the sim would say, unless the user said otherwise.
     if std::env::var_os("RUST_LOG").is_none() {
-        // A message that comes while a session closes is an error to Zenoh; here it is the end of every run.
-        let quiet = "warn,zenoh::api::session=off";
-        command.env("RUST_LOG", if tracing::enabled!(tracing::Level::INFO) { "info" } else { quiet });
+        // A message that comes while a session closes is an error to Zenoh; here it is the end of every run. And of each socket that it
+        // connects to it warns that it cannot.
+        let (info, quiet) =
+            ("info,zenoh_link_unixsock_stream=error", "warn,zenoh_link_unixsock_stream=error,zenoh::api::session=off");
+        command.env("RUST_LOG", if tracing::enabled!(tracing::Level::INFO) { info } else { quiet });
     }
     // In the environment too, for a planner's command that is a script.
     command.env("NO_COLOR", "1").env("RELOOP_ENDPOINT", hub.endpoint()).env("RELOOP_RUN", &run);
-    command.env("RELOOP_EXIT_WITH_PARENT", "true").env_remove(Secret::VARIABLE);
+    // It comes in by the sim's own door.
+    command.env("RELOOP_EXIT_WITH_PARENT", "true").env_remove(Secret::VARIABLE).env_remove("RELOOP_ZENOH_CONFIG");
     command.args(["--endpoint", hub.endpoint(), "--run", &run, "--exit-with-parent"]);
 }
 

@@ -44,9 +44,9 @@ use scenarios::{SceneEntry, SceneSet, SetError};
 use thiserror::Error;
 use wire::cores::Cores;
 use wire::hub::{Hub, HubSettings};
-use wire::keys::{KeyError, Role, Secret, Workers};
+use wire::keys::{KeyError, Place, Role, RunName, Secret, Workers};
 use wire::proto::RunInfo;
-use wire::session::{self, SessionError};
+use wire::session::{self, Guarded, SessionError, ZenohFile, ZenohFileError};
 
 use self::beginning::Beginnings;
 use self::clock::{Clock, WallClock};
@@ -79,6 +79,7 @@ pub mod progress;
 pub mod raised;
 pub mod ready;
 pub mod recorder;
+pub mod refusals;
 pub mod scene_index;
 pub mod shared;
 pub mod shell;
@@ -108,6 +109,10 @@ pub enum RunError {
     Bus(#[from] SessionError),
     #[error(transparent)]
     Name(#[from] KeyError),
+    #[error("cannot use the Zenoh configuration: {0}")]
+    ZenohFile(#[from] ZenohFileError),
+    #[error("the system gives no randomness for a secret: {0}")]
+    Secret(std::io::Error),
     #[error(transparent)]
     InProcess(#[from] InProcessError),
     #[error("threads cannot be kept to a core: {0}\nhint: leave out --pin")]
@@ -337,41 +342,66 @@ fn reach(file: &RunFile, view: bool, console: &Console) -> Result<Reach, RunErro
 /// The bus of a run, and the place of a planner that is not the sim's to start. Its name says nothing of the folder, so that recordings of the same run are the same anywhere.
 fn open_bus(file: &RunFile, console: &Console) -> Result<Reach, RunError> {
     let name = format!("{}-{}", file.settings.driver, file.settings.protocol.name());
-    let settings = HubSettings { endpoint: file.machine.endpoint.clone(), deadline: file.settings.deadline() };
-    let hub = Hub::open_with(&name.parse()?, &settings)?;
+    let run = name.parse()?;
+    // Whoever starts both the sim and a planner may have told both already.
+    let told = Secret::of_this_process();
+    let secret = told.clone().map_or_else(Secret::random, Ok).map_err(RunError::Secret)?;
+    let settings = hub_settings(file, &run, &secret)?;
+    let hub = Hub::open_with(&run, &settings)?;
     hub.publish_run_info(&RunInfo {
         wire_version: wire::WIRE_VERSION,
         run: name,
         settings: file.to_recorded_toml(),
         predictor: file.settings.predictor.is_some(),
     })?;
-    let (endpoint, run) = (hub.endpoint(), hub.run());
-    tracing::info!("run {run} at {endpoint}");
-    if session::is_beyond_loopback(endpoint) {
-        tracing::warn!(
-            "the bus listens beyond this machine, at {endpoint}, and nothing on it is encrypted: whoever can listen on the way \
-             reads it, and can pass for a node"
-        );
+    let run = hub.run();
+    tracing::info!("run {run} at {}", hub.endpoint());
+    if let Some(outside) = hub.outside() {
+        tracing::info!("for others than your own processes at {outside}");
+        warn_of_the_open(outside, settings.zenoh_file.as_ref());
     }
+    let endpoint = hub.outside().unwrap_or(hub.endpoint());
     if file.settings.planner != Planner::External {
         return Ok(Reach { hub: Some(hub), ..Reach::default() });
     }
-    // Whoever starts both may have told both already.
-    let secret = Secret::of_this_process();
-    let seat = match &secret {
-        Some(secret) => hub.seat_with(Role::Planner, &Workers::All, secret.clone())?,
-        None => hub.seat(Role::Planner, &Workers::All)?,
-    };
     let patience = file.machine.start_timeout_s;
-    let environment = match secret {
+    let environment = match told {
         Some(_) => format!("{} as here", Secret::VARIABLE),
-        None => format!("{}={}", Secret::VARIABLE, seat.secret().reveal()),
+        None => format!("{}={}", Secret::VARIABLE, secret.reveal()),
     };
+    let seat = hub.seat_with(Role::Planner, &Workers::All, secret)?;
     console.line(&format!(
         "waiting up to {patience} s for your planner: --endpoint {endpoint} --run {run} --worker '*', and {environment} in its \
          environment"
     ));
     Ok(Reach { hub: Some(hub), external: Some(Arc::new(seat)), ..Reach::default() })
+}
+
+/// How the bus of `run` is opened; `secret` is that of the planner's seat, where the planner is not the sim's to start.
+fn hub_settings(file: &RunFile, run: &RunName, secret: &Secret) -> Result<HubSettings, RunError> {
+    let machine = &file.machine;
+    let guarded = match machine.planner_certificates.clone() {
+        names if names.is_empty() => None,
+        names => Some(Guarded { seat: Place::seat(run, secret)?, names }),
+    };
+    let zenoh_file = machine.zenoh_config.as_ref().map(|config| ZenohFile::read(Path::new(&config.path)));
+    let endpoint = machine.endpoint.clone();
+    Ok(HubSettings { endpoint, deadline: file.settings.deadline(), zenoh_file: zenoh_file.transpose()?, guarded })
+}
+
+/// Says so where strangers may listen on the way to `outside`, or come in.
+fn warn_of_the_open(outside: &str, zenoh_file: Option<&ZenohFile>) {
+    if !session::is_beyond_loopback(outside) {
+        return;
+    }
+    if !outside.starts_with("tls/") {
+        tracing::warn!(
+            "the bus listens beyond this machine, at {outside}, and nothing there is encrypted: whoever can listen on the way \
+             reads it, and can pass for a node; docs/hosts.md tells of certificates"
+        );
+    } else if !zenoh_file.is_some_and(ZenohFile::asks_for_certificates) {
+        tracing::warn!("who connects to {outside} is asked for no certificate: enable_mtls in --zenoh-config would");
+    }
 }
 
 /// Drives the scenes of these places. All that was started is gone when it returns.

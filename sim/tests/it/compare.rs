@@ -95,6 +95,8 @@ pub fn finished(root: &Path, name: &str, drives: &[(String, Part)], change: impl
             endpoint: None,
             weights: None,
             scenarios: Vec::new(),
+            planner_certificates: Vec::new(),
+            zenoh_config: None,
         },
         scenes: drives.iter().map(line).collect(),
     };

@@ -99,28 +99,32 @@ fn help_says_what_can_be_typed() {
                                          files [default: the built-in demo set]
 
     How to run:
-          --out <DIR>                 The run's folder [default: runs/DRIVER-PROTOCOL-N]; an unfinished
-                                      run in it is continued
-          --retry <WHICH>             Drive episodes of this run again: those that failed, those whose
-                                      recording is not whole, or failed,unrecorded [possible values:
-                                      failed, unrecorded]
-          --verify                    Read every scene before the first is driven, so that damaged ones
-                                      are found then, and not when their turn comes
-          --record <RECORD>           Which episodes to keep a recording of [default: all] [possible
-                                      values: all, failures, none]
-          --parallel <N>              Episodes driven at a time; results do not depend on it [default:
-                                      the cores]
-          --in-process                Drive in this process, without nodes and bus: the same results and
-                                      recordings at less cost; for drivers of ours
-          --pin                       Keep each worker with its nodes on a core of its own: faster,
-                                      where nothing else wants the cores
-          --deadline <TIME>           How long an answer may take: 5s, 500ms [default: 5s]
-          --start-timeout <TIME>      How long nodes may take to start [default: 20s; 10m for a planner
-                                      that you start yourself]
-          --endpoint <tcp/HOST:PORT>  Where to listen for nodes [default: a free port of this machine]
-          --view                      Show the run in the Rerun viewer while it is driven: in one that
-                                      is open, else `rerun` is started. The run never waits for it
-          --timing                    Say on standard error where the time went
+          --out <DIR>                    The run's folder [default: runs/DRIVER-PROTOCOL-N]; an
+                                         unfinished run in it is continued
+          --retry <WHICH>                Drive episodes of this run again: those that failed, those
+                                         whose recording is not whole, or failed,unrecorded [possible
+                                         values: failed, unrecorded]
+          --verify                       Read every scene before the first is driven, so that damaged
+                                         ones are found then, and not when their turn comes
+          --record <RECORD>              Which episodes to keep a recording of [default: all] [possible
+                                         values: all, failures, none]
+          --parallel <N>                 Episodes driven at a time; results do not depend on it
+                                         [default: the cores]
+          --in-process                   Drive in this process, without nodes and bus: the same results
+                                         and recordings at less cost; for drivers of ours
+          --pin                          Keep each worker with its nodes on a core of its own: faster,
+                                         where nothing else wants the cores
+          --deadline <TIME>              How long an answer may take: 5s, 500ms [default: 5s]
+          --start-timeout <TIME>         How long nodes may take to start [default: 20s; 10m for a
+                                         planner that you start yourself]
+          --endpoint <WHERE>             Where to listen for nodes of others: tcp/HOST:PORT, or
+                                         tls/HOST:PORT with --zenoh-config [default: nowhere but at a
+                                         socket of your own]
+          --zenoh-config <FILE>          A Zenoh configuration (JSON5) with the sim's certificate, to
+                                         listen to other hosts by TLS; docs/hosts.md has examples
+          --planner-certificate <NAMES>  Whose certificate a planner that you start yourself must have,
+                                         by its common name; several, with commas between [default: any]
+          --timing                       Say on standard error where the time went
     --- stderr
     ");
     insta::assert_snapshot!(sim(folder.path(), &["evaluate", "-h"]), @"

@@ -54,7 +54,7 @@ fn ctrl_c_while_waiting_for_a_planner_that_never_comes_stops_at_once() {
     kill(Pid::from_raw(sim.id() as i32), Signal::SIGINT).unwrap();
     let output = sim.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130));
-    assert!(String::from_utf8_lossy(&output.stderr).contains("--endpoint tcp/"));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("--endpoint unixsock-stream/"));
     stage.wait_until_alone();
 }
 

@@ -2,6 +2,7 @@
 //!
 //! | file | what is claimed |
 //! | --- | --- |
+//! | `hosts.rs` | nodes of other hosts and users: who may come in, who may do what, and what a flood does |
 //! | `bus.rs` | second planners, strays and strangers are named and change nothing |
 //! | `demo.rs` | one command, a table, a folder; finished runs and other runs' folders are left alone |
 //! | `repeat.rs` | same command, same bytes, for any number of workers |
@@ -39,6 +40,7 @@ mod check_node;
 mod demo;
 mod future;
 mod healed;
+mod hosts;
 mod interrupt;
 mod killed;
 mod network;

@@ -4,10 +4,11 @@
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 use results::parquet::Table;
 
+use crate::hosts::{certificates, free_port};
 use crate::stage::{Ended, Stage, assert_same, program};
 
 /// What the package and its tests need of the package index, installed first: where even that cannot be had, there is no index.
@@ -185,6 +186,55 @@ fn planners_and_predictors_in_python_keep_every_rule_of_the_bus() {
         stage.wait_until_alone();
         let text = said(&output);
         assert!(output.status.success() && text.contains("16 hold, 0 in doubt, 0 broken, 0 skipped"), "{text}");
+    }
+}
+
+#[test]
+fn a_planner_that_somebody_starts_by_hand_serves_all_workers_by_tcp_and_by_tls() {
+    let Some(python) = python() else { return };
+    let stage = Stage::new();
+    let Some(()) = certificates(&stage) else { return };
+    let planner = format!("'{}' '{}'", python.display(), example("planner.py").display());
+    let ended = drive(&stage, &program("sim"), &planner, "--record none --parallel 1 --out started --label external");
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    let locked = ["--zenoh-config", "sim.json5", "--planner-certificate", "planner"];
+    for (run, endpoint, more) in [("tcp", "tcp/127.0.0.1", &locked[..0]), ("tls", "tls/localhost", &locked[..])] {
+        let endpoint = format!("{endpoint}:{}", free_port());
+        let arguments = format!(
+            "run --scenarios small.toml --planner external --record none --parallel 2 --out {run} --endpoint {endpoint}"
+        );
+        let mut sim = stage.command(&arguments);
+        let sim = sim
+            .args(more)
+            .env("RELOOP_SECRET", "between-us")
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let by_hand = |whose: &str| {
+            let mut node = Command::new(&python);
+            node.arg(example("planner.py")).args([
+                "--worker",
+                "*",
+                "--endpoint",
+                &endpoint,
+                "--run",
+                "external-strict",
+            ]);
+            node.env("RELOOP_SECRET", "between-us").current_dir(stage.path("")).stdin(Stdio::null());
+            ran(if run == "tls" { node.args(["--zenoh-config", &format!("{whose}.json5")]) } else { &mut node })
+        };
+        if run == "tls" {
+            let stranger = by_hand("stranger");
+            let why = "it does not know the authority of this node's certificate\n  hint: ";
+            assert!(stranger.status.code() == Some(2) && said(&stranger).contains(why), "{}", said(&stranger));
+        }
+        let node = by_hand("planner");
+        let sim = sim.wait_with_output().unwrap();
+        assert_eq!((node.status.code(), sim.status.code()), (Some(0), Some(0)), "{} {}", said(&node), said(&sim));
+        let digests =
+            |run: &str| Table::read(&stage.path(run).join("results.parquet")).unwrap().text("episode_sha256").unwrap();
+        assert_eq!(digests(run), digests("started"));
     }
 }
 

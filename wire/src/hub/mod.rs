@@ -31,6 +31,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use prost::Message as _;
+use tempfile::TempDir;
 use world::scene::SceneId;
 use zenoh::bytes::ZBytes;
 use zenoh::key_expr::KeyExpr;
@@ -51,7 +52,7 @@ use crate::convert::shown;
 use crate::keys::{self, Channel, NodeId, Place, Role, RunName, Secret, Worker, Workers};
 use crate::proto;
 use crate::pulse::Pulse;
-use crate::session::{self, SessionError};
+use crate::session::{self, Guarded, Router, RouterSettings, SessionError, ZenohFile};
 use nodes::Nodes;
 use tape::Tape;
 
@@ -64,15 +65,19 @@ const LONGEST_STALL: Duration = Duration::from_secs(5);
 /// How a hub is opened.
 #[derive(Clone, Debug)]
 pub struct HubSettings {
-    /// Where to listen, like `tcp/127.0.0.1:7447`; a free port of the loopback where it is not said.
+    /// Where others than the user's own processes may come in, like `tcp/127.0.0.1:7447`; nowhere where it is not said.
     pub endpoint: Option<String>,
     /// The longest that any step waits for its answers. A reader that takes nothing for so long is cut off.
     pub deadline: Duration,
+    /// The user's own settings of the session.
+    pub zenoh_file: Option<ZenohFile>,
+    /// A seat that only the holders of certain certificates may take.
+    pub guarded: Option<Guarded>,
 }
 
 impl Default for HubSettings {
     fn default() -> Self {
-        Self { endpoint: None, deadline: Duration::from_secs(5) }
+        Self { endpoint: None, deadline: Duration::from_secs(5), zenoh_file: None, guarded: None }
     }
 }
 
@@ -80,10 +85,13 @@ impl Default for HubSettings {
 pub struct Hub {
     shared: Arc<Shared>,
     endpoint: String,
+    outside: Option<String>,
     /// Kept because dropping them ends them. The token goes first: nodes leave when it does.
     _token: LivelinessToken,
     _subscribers: Vec<Subscriber<()>>,
     _queryables: Vec<Queryable<()>>,
+    /// Of the socket.
+    _folder: TempDir,
 }
 
 /// What the hub, its lines and the transport's callbacks share.
@@ -102,6 +110,8 @@ struct Shared {
     pulse: Pulse,
     /// What the recorder hears.
     tape: Tape,
+    /// Where a certificate says who may sit.
+    guarded: Option<Guarded>,
 }
 
 /// A poisoned lock is taken all the same: what it guards is whole between any two statements.
@@ -124,7 +134,12 @@ impl Hub {
     /// [`SessionError`] where it cannot listen.
     pub fn open_with(run: &RunName, settings: &HubSettings) -> Result<Self, SessionError> {
         let stall = LONGEST_STALL.min(settings.deadline);
-        let (session, endpoint) = session::open_router(settings.endpoint.as_deref(), stall)?;
+        let Router { session, inside, outside, folder } = session::open_router(&RouterSettings {
+            outside: settings.endpoint.as_deref(),
+            stall,
+            zenoh_file: settings.zenoh_file.as_ref(),
+            guarded: settings.guarded.as_ref(),
+        })?;
         let open_floor = Place::open_floor(run);
         let shared = Arc::new(Shared {
             run: run.clone(),
@@ -135,6 +150,7 @@ impl Hub {
             notices: AtomicU64::new(0),
             pulse: Pulse::start(),
             tape: Tape::new(&session, open_floor.clone(), stall)?,
+            guarded: settings.guarded.clone(),
         });
 
         let mut subscribers = Vec::new();
@@ -163,13 +179,27 @@ impl Hub {
         // Last: who sees the token may rely on all of the above.
         let token = session.liveliness().declare_token(NodeId::sim().key(&open_floor)).wait();
         let token = token.map_err(SessionError::bus("declare the token"))?;
-        Ok(Self { shared, endpoint, _token: token, _subscribers: subscribers, _queryables: queryables })
+        Ok(Self {
+            shared,
+            endpoint: inside,
+            outside,
+            _token: token,
+            _subscribers: subscribers,
+            _queryables: queryables,
+            _folder: folder,
+        })
     }
 
-    /// Where nodes connect to.
+    /// Where processes of the simulator's user connect to.
     #[must_use]
     pub fn endpoint(&self) -> &str {
         &self.endpoint
+    }
+
+    /// Where others do, if anywhere.
+    #[must_use]
+    pub fn outside(&self) -> Option<&str> {
+        self.outside.as_deref()
     }
 
     /// The run's name.

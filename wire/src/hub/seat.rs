@@ -2,6 +2,7 @@
 //! anybody says is noticed.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 
 use prost::Message as _;
@@ -13,9 +14,11 @@ use zenoh::sample::{Locality, Sample, SampleKind};
 use super::inbox::Inbox;
 use super::nodes::SeatNumber;
 use super::{Shared, lock};
+use crate::convert::shown;
+use crate::envelope::{self, Saying};
 use crate::keys::{Answering, NodeId, Place, Role, Secret, Worker, Workers};
 use crate::proto;
-use crate::session::{self, SessionError};
+use crate::session::{self, Guarded, SessionError};
 
 /// A place for one node of one role. Who is told its secret may take it; the first that does keeps it while it lives. Dropping the
 /// seat takes it away.
@@ -140,7 +143,11 @@ impl Inner {
                 let inbox = lock(&self.inboxes).get(&answer.worker).cloned();
                 match inbox {
                     Some(inbox) => inbox.deliver(self.role, sample.payload()),
-                    None => tracing::warn!("{} answers though no episode is on", self.name()),
+                    // Nobody waits for it any more: the episode it is for ended before, as failed.
+                    None if self.shared.was_begun(sample.payload()) => {
+                        tracing::debug!("{} answers an episode that is over", self.name());
+                    }
+                    None => self.shared.noticed(&format!("{} answers though no episode is on", self.name())),
                 }
             }
             Some(answer) => {
@@ -189,7 +196,8 @@ impl Inner {
         if sample.kind() == SampleKind::Delete {
             return self.lose(&node);
         }
-        match self.shared.nodes.ask(self.number, &node) {
+        let certified = self.shared.refused_for_certificate(&self.place, &node).map_or(Ok(()), Err);
+        match certified.and_then(|()| self.shared.nodes.ask(self.number, &node)) {
             Err(refusal) => self.shared.admit(&self.place, &node, Some(refusal)),
             Ok(()) => {
                 self.shared.admit(&self.place, &node, None);
@@ -200,6 +208,25 @@ impl Inner {
 }
 
 impl Shared {
+    /// Why the certificate of `node` does not let it sit at `place`. The router's access control is deaf to what it says there, whatever
+    /// name it goes by.
+    fn refused_for_certificate(&self, place: &Place, node: &NodeId) -> Option<String> {
+        let Guarded { names, .. } = self.guarded.as_ref().filter(|guarded| guarded.seat == *place)?;
+        let holder = node.session.as_ref().and_then(|session| session::certificate_of(&self.session, session));
+        let whose = match &holder {
+            Some(name) if names.contains(name) => return None,
+            Some(name) => format!("its certificate is of {}", shown(name)),
+            None => "it has no certificate".to_owned(),
+        };
+        Some(format!("{whose}, and the {} of this run must have that of {}", node.role, names.join(" or ")))
+    }
+
+    /// Whether `answer` is to an episode that was begun.
+    fn was_begun(&self, answer: &ZBytes) -> bool {
+        let begun = self.episodes.load(Ordering::Relaxed);
+        envelope::open::<Saying>(&answer.to_bytes()).is_ok_and(|(episode, ..)| (1..=begun).contains(&episode))
+    }
+
     /// Tells `node` whether it is let in, and the user if it is not.
     pub(super) fn admit(&self, place: &Place, node: &NodeId, refusal: Option<String>) {
         match &refusal {

@@ -1,6 +1,7 @@
 //! The session of a node: it subscribes, then shows its token, and leaves when there is a reason to.
 
 use std::io::Read;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
@@ -15,7 +16,7 @@ use zenoh::{Session, Wait};
 
 use crate::convert::{decode, shown};
 use crate::keys::{self, Address, Answering, Channel, KeyError, NodeId, Place, Role, RunName, Secret, Worker, Workers};
-use crate::session::{self, SessionError};
+use crate::session::{self, SessionError, ZenohFile, ZenohFileError};
 use crate::{WIRE_VERSION, proto};
 
 /// How long a node waits for the run to show itself.
@@ -46,6 +47,9 @@ pub struct Options {
     /// What it must know to be let in, from the environment: RELOOP_SECRET.
     #[arg(skip = Secret::of_this_process())]
     pub secret: Option<Secret>,
+    /// A Zenoh configuration (JSON5) with this node's certificate, to connect to another host by TLS; docs/hosts.md has examples
+    #[arg(long, env = "RELOOP_ZENOH_CONFIG", value_name = "FILE")]
+    pub zenoh_config: Option<PathBuf>,
     /// Leave when standard input ends, so that nothing outlives the process that started this one
     #[arg(long, env = "RELOOP_EXIT_WITH_PARENT")]
     pub exit_with_parent: bool,
@@ -68,6 +72,9 @@ pub enum NodeError {
     /// Its session failed.
     #[error(transparent)]
     Session(#[from] SessionError),
+    /// Its Zenoh configuration cannot be used.
+    #[error(transparent)]
+    ZenohFile(#[from] ZenohFileError),
     /// A name cannot be part of a key.
     #[error(transparent)]
     Name(#[from] KeyError),
@@ -126,7 +133,7 @@ pub enum NodeError {
 
 fn refusal_hint(told_secret: bool) -> &'static str {
     if told_secret {
-        ""
+        "\n  hint: whoever runs the simulator decides it; its log says the same"
     } else {
         "\n  hint: `sim run` says the secret of a planner that it waits for; put it into RELOOP_SECRET"
     }
@@ -160,7 +167,8 @@ impl Connection {
             Some(secret) => Place::seat(&options.run, secret)?,
             None => Place::open_floor(&options.run),
         };
-        let session = session::open_client(&options.endpoint)?;
+        let zenoh_file = options.zenoh_config.as_deref().map(ZenohFile::read).transpose()?;
+        let session = session::open_client_with(&options.endpoint, zenoh_file.as_ref())?;
         let (admitted, subscribers) = (Arc::default(), Mutex::default());
         Ok(Self { options: options.clone(), place, session, admitted, subscribers })
     }

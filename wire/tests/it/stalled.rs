@@ -38,6 +38,7 @@ fn options(endpoint: &str, worker: Workers, secret: &str) -> Options {
         worker,
         name: None,
         secret: Some(Secret::from(secret)),
+        zenoh_config: None,
         exit_with_parent: false,
     }
 }
@@ -86,7 +87,9 @@ fn observation(step: u32) -> Observation {
 
 #[test]
 fn a_stopped_recorder_makes_no_drive_miss_a_deadline() {
-    let hub = Hub::open_with(&"stalled".parse().unwrap(), &HubSettings { endpoint: None, deadline: DEADLINE }).unwrap();
+    let hub =
+        Hub::open_with(&"stalled".parse().unwrap(), &HubSettings { deadline: DEADLINE, ..HubSettings::default() })
+            .unwrap();
     let events = hub.watch();
     let recorder = hub.seat(Role::Recorder, &Workers::All).unwrap();
     let listener = Command::new(std::env::current_exe().unwrap())

@@ -91,6 +91,7 @@ fn options(hub: &Hub, worker: &str, secret: Option<&Seat>) -> Options {
         worker: worker.parse().unwrap(),
         name: Some("by-test".to_owned()),
         secret: secret.map(|seat| seat.secret().clone()),
+        zenoh_config: None,
         exit_with_parent: false,
     }
 }

@@ -1,14 +1,33 @@
-//! Bus sessions. The simulator's is a router inside its own process, on a TCP port of its own; every node is a client of
-//! it. No multicast, no gossip, no shared memory.
+//! Bus sessions. The simulator's is a router inside its own process; every node is a client of it. No multicast, no gossip, no shared
+//! memory.
+//!
+//! The router has two doors. **Inside** is a socket in a folder that nobody but the simulator's user can enter: what the simulator starts
+//! comes that way. **Outside** is there only where somebody asked for it, over TCP or TLS.
+//!
+//! | file | what |
+//! | --- | --- |
+//! | `mod.rs` | opening sessions, sending |
+//! | `access.rs` | who may say and hear what |
+//! | `refusal.rs` | why somebody is not let in, in words that help |
+//! | `zenoh_file.rs` | a user's own Zenoh configuration |
+
+mod access;
+mod refusal;
+mod zenoh_file;
 
 use std::net::{TcpListener, ToSocketAddrs};
 use std::time::Duration;
 
+use tempfile::TempDir;
 use thiserror::Error;
 use zenoh::bytes::ZBytes;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::{Config, Session, Wait};
+
+pub use access::Guarded;
+pub use refusal::refused_by_tls;
+pub use zenoh_file::{ZenohFile, ZenohFileError};
 
 use crate::convert::MAX_MESSAGE_BYTES;
 
@@ -38,7 +57,7 @@ const PORT_ATTEMPTS: usize = 16;
 pub enum SessionError {
     /// The router could not listen.
     #[error(
-        "cannot listen on {endpoint}: {reason}\n  hint: leave the endpoint out, and a free port of this machine is taken"
+        "cannot listen on {endpoint}: {reason}\n  hint: without an endpoint there is a socket in $TMPDIR, for your own processes alone"
     )]
     Listen {
         /// Where.
@@ -47,15 +66,19 @@ pub enum SessionError {
         reason: String,
     },
     /// No simulator was found.
-    #[error(
-        "cannot reach a simulator at {endpoint}: {reason}\n  hint: `sim run -v` names its endpoint in its log; is the run still on?"
-    )]
+    #[error("cannot reach a simulator at {endpoint}: {reason}")]
     Connect {
         /// Where.
         endpoint: String,
-        /// What the transport says.
+        /// Why, and what to do.
         reason: String,
     },
+    /// Certificates are to decide who is let in, and nobody is asked for one.
+    #[error(
+        "certificates say who may be the planner, but nobody is asked for one\n  hint: listen with --endpoint tls/HOST:PORT, and set enable_mtls and \
+         the simulator's own certificate in --zenoh-config; docs/hosts.md has examples"
+    )]
+    NoCertificates,
     /// An open session refused something.
     #[error("the bus failed ({what}): {reason}")]
     Bus {
@@ -82,19 +105,6 @@ fn reason(error: &zenoh::Error) -> String {
     }
 }
 
-/// Who is no simulator may not show its token, nor answer in its place who asks for the run's settings or a scene.
-const ACCESS: &str = r#"{
-    enabled: true, default_permission: "allow",
-    rules: [
-        { id: "answers", permission: "deny", flows: ["ingress"], messages: ["declare_queryable", "reply"],
-          key_exprs: ["**", "reloop/*/@tape/**"] },
-        { id: "token", permission: "deny", flows: ["ingress"], messages: ["liveliness_token"],
-          key_exprs: ["reloop/*/@node/sim/**"] },
-    ],
-    subjects: [{ id: "everybody" }],
-    policies: [{ rules: ["answers", "token"], subjects: ["everybody"] }],
-}"#;
-
 /// Where Zenoh reads from how many threads it may have, and nowhere else.
 pub const RUNTIME_VARIABLE: &str = "ZENOH_RUNTIME";
 
@@ -107,37 +117,87 @@ pub fn runtime(threads: u16) -> String {
     format!("(rx: (worker_threads: {threads}), {handed_over})")
 }
 
-/// A router session that listens on `endpoint` (`tcp/127.0.0.1:7447`), or on a free port of the loopback where there is none; port 0
-/// is a free one too. Gives back the endpoint as nodes are to be told it.
-///
-/// `stall` is how long a send waits for a reader that takes nothing; then that reader is cut off. It must stay below the
-/// deadline of a step: a sender that waits is the simulator's own thread.
+/// How a router is opened.
+#[derive(Debug)]
+pub struct RouterSettings<'a> {
+    /// Where others than the user's own processes may come in, like `tcp/127.0.0.1:7447`; port 0 is a free one.
+    pub outside: Option<&'a str>,
+    /// How long a send waits for a reader that takes nothing; then that reader is cut off. It must stay below the deadline of a
+    /// step: a sender that waits is the simulator's own thread.
+    pub stall: Duration,
+    /// The user's own settings.
+    pub zenoh_file: Option<&'a ZenohFile>,
+    /// A seat that certificates guard.
+    pub guarded: Option<&'a Guarded>,
+}
+
+/// The simulator's session, and where others find it.
+pub struct Router {
+    /// The session.
+    pub session: Session,
+    /// Where processes of the same user connect to.
+    pub inside: String,
+    /// Where others do.
+    pub outside: Option<String>,
+    /// Of the socket: it is gone with this.
+    pub folder: TempDir,
+}
+
+/// A router session.
 ///
 /// # Errors
-/// [`SessionError::Listen`].
-pub fn open_router(endpoint: Option<&str>, stall: Duration) -> Result<(Session, String), SessionError> {
-    let asked = endpoint.unwrap_or(ANY_PORT);
+/// [`SessionError::Listen`], [`SessionError::NoCertificates`].
+pub fn open_router(settings: &RouterSettings<'_>) -> Result<Router, SessionError> {
+    let RouterSettings { outside, stall, zenoh_file, guarded } = *settings;
+    let is_tls = outside.is_some_and(|endpoint| endpoint.starts_with("tls/"));
+    let certified = is_tls && zenoh_file.is_some_and(ZenohFile::asks_for_certificates);
+    if guarded.is_some() && !certified {
+        return Err(SessionError::NoCertificates);
+    }
+    // Others can neither enter it nor look into it.
+    let folder = tempfile::Builder::new().prefix("reloop-").tempdir();
+    let no_folder =
+        |e: std::io::Error| SessionError::Listen { endpoint: "a socket of its own".to_owned(), reason: e.to_string() };
+    let folder = folder.map_err(no_folder)?;
+    let inside = format!("unixsock-stream/{}", folder.path().join("bus").display());
     let mut failure = None;
-    for _ in 0..if wants_free_port(asked) { PORT_ATTEMPTS } else { 1 } {
-        let endpoint = if wants_free_port(asked) { with_free_port(asked)? } else { asked.to_owned() };
-        let settings = [
+    for _ in 0..PORT_ATTEMPTS {
+        let outside = outside.map(with_free_port).transpose()?;
+        let doors: Vec<&str> = [Some(inside.as_str()), outside.as_deref()].into_iter().flatten().collect();
+        let own = [
             ("mode", r#""router""#.to_owned()),
-            ("listen/endpoints", format!("[{endpoint:?}]")),
-            ("access_control", ACCESS.to_owned()),
+            ("listen/endpoints", format!("{doors:?}")),
+            ("access_control", access::control(certified, guarded)),
             ("transport/link/rx/max_message_size", MAX_READ_BYTES.to_string()),
             ("transport/link/tx/queue/congestion_control/block/wait_before_close", stall.as_micros().to_string()),
         ];
-        match open(&settings) {
-            Ok(session) => return Ok((session, endpoint)),
-            Err(reason) => failure = Some(SessionError::Listen { endpoint, reason }),
+        match open(zenoh_file, &own) {
+            Ok(session) => return Ok(Router { session, inside, outside, folder }),
+            Err(reason) => {
+                failure = Some(SessionError::Listen { endpoint: outside.unwrap_or_else(|| inside.clone()), reason })
+            }
+        }
+        // Another process may have taken the port between the choice and the use.
+        if !settings.outside.is_some_and(wants_free_port) {
+            break;
         }
     }
     Err(failure.unwrap_or(SessionError::Bus { what: "open", reason: "no attempt was made".to_owned() }))
 }
 
+/// The common name of the certificate at the far end of the session that is named `id`; none where it has no certificate.
+#[must_use]
+pub fn certificate_of(session: &Session, id: &str) -> Option<String> {
+    let mut links = session.info().links().wait().filter(|link| link.zid().to_string() == id);
+    links.find_map(|link| link.auth_identifier().map(str::to_owned))
+}
+
 /// Whether somebody beyond this machine may reach `endpoint`; so it is said of one that cannot be read, too.
 #[must_use]
 pub fn is_beyond_loopback(endpoint: &str) -> bool {
+    if endpoint.starts_with("unixsock-stream/") {
+        return false;
+    }
     let addresses = address(endpoint).to_socket_addrs();
     !addresses.is_ok_and(|mut addresses| addresses.all(|address| address.ip().is_loopback()))
 }
@@ -147,7 +207,15 @@ pub fn is_beyond_loopback(endpoint: &str) -> bool {
 /// # Errors
 /// [`SessionError::Connect`].
 pub fn open_client(endpoint: &str) -> Result<Session, SessionError> {
-    let settings = [
+    open_client_with(endpoint, None)
+}
+
+/// The same with the user's own settings.
+///
+/// # Errors
+/// [`SessionError::Connect`].
+pub fn open_client_with(endpoint: &str, zenoh_file: Option<&ZenohFile>) -> Result<Session, SessionError> {
+    let mut own = vec![
         ("mode", r#""client""#.to_owned()),
         ("connect/endpoints", format!("[{endpoint:?}]")),
         ("connect/timeout_ms", CONNECT_TIMEOUT.as_millis().to_string()),
@@ -155,10 +223,22 @@ pub fn open_client(endpoint: &str) -> Result<Session, SessionError> {
         ("transport/link/rx/max_message_size", MAX_MESSAGE_BYTES.to_string()),
         ("transport/link/tx/queue/congestion_control/block/wait_before_close", NODE_STALL.as_micros().to_string()),
     ];
-    open(&settings).map_err(|reason| SessionError::Connect { endpoint: endpoint.to_owned(), reason })
+    open(zenoh_file, &own).map_err(|reason| {
+        // A client says no more than that it gave up. A peer that tries once and listens nowhere says why.
+        own.extend([
+            ("mode", r#""peer""#.to_owned()),
+            ("connect/timeout_ms", "0".to_owned()),
+            ("listen/endpoints", "[]".to_owned()),
+        ]);
+        let why = match open(zenoh_file, &own) {
+            Ok(session) => session.close().wait().map_or(reason, |()| "it was not there in time".to_owned()),
+            Err(why) => why,
+        };
+        SessionError::Connect { endpoint: endpoint.to_owned(), reason: refusal::explained(&why) }
+    })
 }
 
-fn open(settings: &[(&str, String)]) -> Result<Session, String> {
+fn open(zenoh_file: Option<&ZenohFile>, own: &[(&str, String)]) -> Result<Session, String> {
     let shared = [
         ("scouting/multicast/enabled", "false".to_owned()),
         ("scouting/gossip/enabled", "false".to_owned()),
@@ -170,14 +250,12 @@ fn open(settings: &[(&str, String)]) -> Result<Session, String> {
         ("transport/link/tx/queue/size/real_time", QUEUED_BATCHES.to_string()),
     ];
     let mut config = Config::default();
-    for (key, value) in shared.iter().chain(settings) {
+    let users = zenoh_file.into_iter().flat_map(ZenohFile::settings).map(|(key, value)| (key.as_str(), value));
+    for (key, value) in users.chain(shared.iter().chain(own).map(|(key, value)| (*key, value))) {
         config.insert_json5(key, value).map_err(|e| format!("{key}: {}", reason(&e)))?;
     }
     zenoh::open(config).wait().map_err(|e| reason(&e))
 }
-
-/// Where nobody says where.
-const ANY_PORT: &str = "tcp/127.0.0.1:0";
 
 /// The address of an endpoint, without its protocol before and its settings behind.
 fn address(endpoint: &str) -> &str {
@@ -189,8 +267,11 @@ fn wants_free_port(endpoint: &str) -> bool {
     address(endpoint).ends_with(":0")
 }
 
-/// `endpoint` with a port of its host that nobody listens on, in the place of 0.
+/// `endpoint`, with a port of its host that nobody listens on in the place of 0.
 fn with_free_port(endpoint: &str) -> Result<String, SessionError> {
+    if !wants_free_port(endpoint) {
+        return Ok(endpoint.to_owned());
+    }
     let address = address(endpoint);
     let port = TcpListener::bind(address).and_then(|listener| listener.local_addr()).map(|free| free.port());
     port.map(|port| endpoint.replacen(address, &format!("{}{port}", &address[..address.len() - 1]), 1))
