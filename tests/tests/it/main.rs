@@ -6,6 +6,7 @@
 //! | `demo.rs` | one command, a table, a folder; finished runs and other runs' folders are left alone |
 //! | `repeat.rs` | same command, same bytes, for any number of workers |
 //! | `killed.rs` | a killed run is continued, and comes out as if it had not been |
+//! | `latency.rs` | plans that take effect late: the same bytes again, by their trace too; late and lost ones are counted |
 //! | `healed.rs` | a retried run, and one whose disk was full, come out as if nothing had happened; changed files are named |
 //! | `planner_command.rs` | a planner's command is one for a shell; what it says is logged |
 //! | `own_planner.rs` | the example of a planner in Rust drives |
@@ -38,6 +39,7 @@ mod future;
 mod healed;
 mod interrupt;
 mod killed;
+mod latency;
 mod network;
 mod nodes;
 mod open_loop;
