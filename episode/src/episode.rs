@@ -16,6 +16,7 @@ use world::vehicle::WHEELBASE;
 
 use crate::advance::{Advance, Undrivable, named};
 use crate::detail::detail;
+use crate::guidance::Guidance;
 use crate::metrics::{self, Counted};
 use crate::paper::{self, Paper};
 use crate::protocol::{Protocol, StrictSettings};
@@ -100,10 +101,10 @@ impl Rules {
     }
 
     /// Moves the AV by one step.
-    fn drive(&mut self, plan: &Plan) {
+    fn drive(&mut self, guidance: &Guidance<'_>) {
         match self {
-            Self::Strict(rules) => rules.drive(plan),
-            Self::Paper(rules) => rules.drive(plan),
+            Self::Strict(rules) => rules.drive(guidance),
+            Self::Paper(rules) => rules.drive(guidance),
         }
     }
 
@@ -285,8 +286,19 @@ impl Episode {
             return &self.advance;
         }
         let heading = self.rules.av().heading;
-        self.rules.drive(plan);
-        self.settle(heading)
+        self.rules.drive(&Guidance::at_once(plan));
+        self.settle(heading, None)
+    }
+
+    /// Drives one step under a latency: of plans that were asked for some steps ago, and the record says when. After the end nothing more
+    /// happens.
+    pub fn follow(&mut self, guidance: &Guidance<'_>) -> &Advance {
+        if self.advance.ended.is_some() {
+            return &self.advance;
+        }
+        let heading = self.rules.av().heading;
+        self.rules.drive(guidance);
+        self.settle(heading, Some(guidance))
     }
 
     /// Puts the AV on a state a step later, as if it could do what that says, and judges it there: a drive that was driven before is
@@ -297,7 +309,7 @@ impl Episode {
         }
         let heading = self.rules.av().heading;
         self.rules.put(state, None);
-        self.settle(heading)
+        self.settle(heading, None)
     }
 
     /// Plays a plan out as if the AV could do what it says: the AV is put on each of its states in turn and judged there. Nothing ends
@@ -314,12 +326,12 @@ impl Episode {
         for (state, control) in drive.into_iter().take(left) {
             let heading = self.rules.av().heading;
             self.rules.put(&state, control);
-            self.settle(heading);
+            self.settle(heading, None);
         }
     }
 
-    /// Judges the AV, which headed to `heading` a step before.
-    fn settle(&mut self, heading: f64) -> &Advance {
+    /// Judges the AV, which headed to `heading` a step before. The record tells of the plans that were followed, under a latency.
+    fn settle(&mut self, heading: f64, guidance: Option<&Guidance<'_>>) -> &Advance {
         let log_index = self.log_index() + 1;
         let av = self.rules.av();
         let human = self.scene.av().states[log_index];
@@ -331,6 +343,8 @@ impl Episode {
             control: Some(self.rules.control().into()),
             yaw_rate: angle_difference(heading, av.heading) / STEP_SECONDS,
             position_error: human.map(|human| human.position().distance(av.position())),
+            plan_age: guidance.map(|guidance| guidance.now.map_or(-1, |plan| plan.age as i32)),
+            plan_taken_up_us: guidance.map_or(0, |guidance| guidance.since_us),
             ..proto::StepRecord::default()
         };
         let ended = self.rules.judge(&self.scene, log_index, &mut self.advance);

@@ -17,6 +17,8 @@
 //! | [`protocol`] | the rules of an episode, as settings |
 //! | [`strict`] | the rules of `strict`: how the AV moves, what is judged, what ends the episode |
 //! | [`paper`] | the same of `paper` |
+//! | [`latency`] | when plans take effect; which is followed meanwhile |
+//! | [`guidance`] | what a plan says a while after it was asked for |
 //! | [`tracker`] | from a plan's states to the control that is driven |
 //! | [`judges`] | what is wrong at a step: collision, route, road, signals, direction, speed |
 //! | [`metrics`] | what a drive was worth, by name and unit |
@@ -26,7 +28,9 @@ mod advance;
 mod detail;
 pub mod driver;
 mod episode;
+pub mod guidance;
 pub mod judges;
+pub mod latency;
 pub mod metrics;
 pub mod paper;
 pub mod protocol;

@@ -23,6 +23,8 @@ use self::profile::Profile;
 
 /// Steps that the tracker looks ahead.
 const HORIZON: usize = 10;
+/// States that a plan must have left to be followed.
+pub(crate) const LEAST_STATES: usize = HORIZON + 1;
 /// Cost of a speed error, against 1 for acceleration.
 const SPEED_COST: f64 = 10.0;
 /// Costs of lateral error, heading error and steering angle, against 1 for the steering rate.
@@ -32,10 +34,21 @@ const STOPPING_SPEED: f64 = 0.2;
 /// Deceleration per speed while stopping (1/s).
 const STOPPING_GAIN: f64 = 0.5;
 /// The control, before any limit, that follows `states` (the plan's, [`world::plan::PLAN_STEPS`] of them) from `vehicle`
-/// with the wheels at `steering` (rad).
+/// with the wheels at `steering` (rad), for a step.
 #[must_use]
 pub fn track(vehicle: &VehicleState, steering: f64, wheelbase: f64, states: &[PlanState]) -> Control {
-    if states.len() <= HORIZON {
+    track_for(STEP_SECONDS, vehicle, steering, wheelbase, states)
+}
+
+/// As [`track`], the control that is held for so many seconds.
+pub(crate) fn track_for(
+    seconds: f64,
+    vehicle: &VehicleState,
+    steering: f64,
+    wheelbase: f64,
+    states: &[PlanState],
+) -> Control {
+    if states.len() < LEAST_STATES {
         return Control { acceleration: 0.0, steering };
     }
     let reference = Reference::of(states);
@@ -44,7 +57,7 @@ pub fn track(vehicle: &VehicleState, steering: f64, wheelbase: f64, states: &[Pl
     }
     let acceleration = speed_control(vehicle.speed, reference.speed);
     let rate = steering_rate(vehicle, steering, wheelbase, acceleration, &reference);
-    Control { acceleration, steering: steering + rate * STEP_SECONDS }
+    Control { acceleration, steering: steering + rate * seconds }
 }
 
 /// What is to be followed.

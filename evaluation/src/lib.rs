@@ -3,6 +3,7 @@
 //! | module | what |
 //! | --- | --- |
 //! | [`table`] | finished runs, a line each |
+//! | [`latency`] | score against latency, drawn |
 //! | [`scenes`] | a run scene by scene, the worst first |
 //! | [`compare`](mod@compare) | two runs over the same scenes: flips, figures, what may be chance |
 //! | [`open_loop`] | plans held to the log, frame by frame, and never driven: by the paper's definitions and by mended ones |
@@ -21,6 +22,7 @@ pub mod blame;
 pub mod compare;
 pub mod drives;
 pub mod footage;
+pub mod latency;
 pub mod open_loop;
 pub mod picture;
 pub mod predictions;

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use clap::ValueEnum;
 use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, presets};
+use episode::latency::Latency;
 use episode::metrics::authors;
 use results::summary::Summary;
 
@@ -56,9 +57,22 @@ pub(crate) const COLUMNS: &[Column] = &[
     Column(&["nuPlan", "score", ""], "nuplan_score", "nuplan_score", Show::Mean(3)),
 ];
 
-/// The columns of a protocol's tables.
-fn columns(protocol: &str) -> impl Iterator<Item = &'static Column> {
-    COLUMNS.iter().filter(move |column| protocol != "paper" || authors::is_measured(column.2))
+/// Under a latency these come too.
+const LATENCY_COLUMNS: &[Column] = &[
+    Column(&["plan", "age", "s"], "mean_plan_age_s", "mean_plan_age_s", Show::Mean(3)),
+    Column(&["plans", "late", ""], "plans_late", "plans_late", Show::Mean(1)),
+    Column(&["plans", "lost", ""], "plans_lost", "plans_lost", Show::Mean(1)),
+];
+
+/// The columns of a protocol's tables, with those of latency or without.
+fn columns(protocol: &str, latency: bool) -> impl Iterator<Item = &'static Column> {
+    let own = COLUMNS.iter().filter(move |column| protocol != "paper" || authors::is_measured(column.2));
+    own.chain(LATENCY_COLUMNS.iter().filter(move |_| latency))
+}
+
+/// When plans take effect, in words.
+pub(crate) fn latency_name(latency: Option<&Latency>) -> String {
+    latency.map_or_else(|| "none".to_owned(), ToString::to_string)
 }
 
 /// The tables of `runs`: one for each protocol among them, in the order in which they come. A text that is wider than `width`
@@ -94,6 +108,9 @@ pub(crate) fn title(runs: &[&Summary]) -> String {
     if all(|a, b| a.motion == b.motion) {
         parts.push(format!("motion {}", first.motion));
     }
+    if let Some(latency) = first.latency.as_ref().filter(|_| all(|a, b| a.latency == b.latency)) {
+        parts.push(format!("latency {latency}"));
+    }
     if !all(|a, b| a.changes == b.changes) {
         parts.push("different settings: not to be compared".to_owned());
     }
@@ -114,6 +131,10 @@ pub(crate) fn label(run: &Summary, runs: &[&Summary]) -> String {
     }
     if namesakes.iter().filter(|other| other.motion == run.motion).count() == 1 {
         return format!("{} ({})", run.driver, run.motion);
+    }
+    if namesakes.iter().filter(|other| other.latency == run.latency).count() == 1 {
+        let latency = run.latency.as_ref().map_or_else(|| "no latency".to_owned(), ToString::to_string);
+        return format!("{} ({latency})", run.driver);
     }
     run.folder.file_name().map_or_else(|| run.driver.clone(), |name| name.to_string_lossy().into_owned())
 }
@@ -180,7 +201,7 @@ pub(crate) fn figures(runs: &[&Summary]) -> Figures {
 
 /// What of a protocol's figures are means: name and unit, the metric behind it, and digits.
 pub(crate) fn measures(protocol: &str) -> impl Iterator<Item = (String, &'static str, &'static str, usize)> {
-    columns(protocol).filter_map(|column| match (column.3, column.0) {
+    columns(protocol, false).filter_map(|column| match (column.3, column.0) {
         (Show::Mean(digits), [head @ .., unit]) => Some((words(head), *unit, column.2, digits)),
         _ => None,
     })
@@ -194,7 +215,8 @@ fn words(lines: &[&str]) -> String {
 
 /// The columns of the table that `runs` share.
 fn columns_of(runs: &[&Summary]) -> Vec<&'static Column> {
-    runs.first().map(|run| columns(&run.protocol).collect()).unwrap_or_default()
+    let latency = runs.iter().any(|run| run.latency.is_some());
+    runs.first().map(|run| columns(&run.protocol, latency).collect()).unwrap_or_default()
 }
 
 fn text(runs: &[&Summary], width: usize) -> String {
@@ -237,7 +259,8 @@ fn markdown(runs: &[&Summary]) -> String {
 /// What is wrong with single episodes, a line each.
 fn notes(runs: &[&Summary], bullet: &str) -> String {
     let mut lines = String::new();
-    let mut values = runs.iter().flat_map(|run| columns(&run.protocol).map(|column| value(run, column)));
+    let mut values =
+        runs.iter().flat_map(|run| columns(&run.protocol, run.latency.is_some()).map(|column| value(run, column)));
     if values.any(|value| value.ends_with(FEWER)) {
         lines += &format!("{bullet}{FEWER} over those of the episodes that have a value\n");
     }
@@ -269,7 +292,7 @@ fn csv(runs: &[&Summary]) -> String {
     lines.push('\n');
     for run in runs {
         let folder = quoted(&run.folder.to_string_lossy());
-        let settings = quoted(&run.changes.join("; "));
+        let settings = quoted(&run.settings().join("; "));
         lines += &format!("{folder},{},{},{},{settings}", run.driver, run.protocol, run.motion);
         lines += &format!(",{},{}", run.counted(), run.failures.len());
         for column in &columns {
@@ -309,6 +332,7 @@ pub(crate) mod tests {
             driver: driver.to_owned(),
             protocol: "strict".to_owned(),
             changes: Vec::new(),
+            latency: None,
             motion: motion.to_owned(),
             scenes: (0..8).map(|scene| (format!("s{scene}"), String::new())).collect(),
             failures: Vec::new(),

@@ -36,6 +36,7 @@ fn run(name: &str, episodes: Vec<Episode>) -> Run {
     Run {
         folder: PathBuf::from(format!("runs/{name}")),
         driver: name.to_owned(),
+        latency: None,
         protocol: Protocol::default(),
         build: Build { version: "0.1.0".to_owned(), git_revision: "abc".to_owned(), wire_version: 2 },
         deadline_s: 5.0,

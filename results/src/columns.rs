@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use arrow_array::{ArrayRef, BooleanArray, Float64Array, RecordBatch, StringArray, UInt32Array};
 use arrow_schema::{ArrowError, DataType, Field, Schema};
+use episode::guidance::STEP_US;
 use episode::metrics::METRICS;
 use wire::proto::{AgentState, StepRecord};
 
 use super::part::{Part, reason_name};
-use crate::settings::SceneLine;
+use crate::settings::{SceneLine, Settings};
 
 /// What all rows of a run share.
 #[derive(Clone, Copy, Debug)]
@@ -19,6 +20,21 @@ pub struct Common<'a> {
     pub protocol: &'a str,
     /// How the AV follows its plan.
     pub motion: &'a str,
+    /// Whether plans take effect later than at once: only then is there anything to tell of that.
+    pub latency: bool,
+}
+
+impl<'a> Common<'a> {
+    /// What all rows of the run with these settings share.
+    #[must_use]
+    pub fn of(settings: &'a Settings) -> Self {
+        Self {
+            driver: &settings.driver,
+            protocol: settings.protocol.name(),
+            motion: settings.protocol.motion_name(),
+            latency: settings.latency.is_some(),
+        }
+    }
 }
 
 /// A table under construction, column by column.
@@ -95,6 +111,14 @@ pub fn results(common: Common<'_>, scene: &SceneLine, part: &Part) -> Result<Rec
     for metric in METRICS {
         table.maybe(metric.name, [value(part, metric.name)]);
     }
+    if common.latency {
+        let plans = part.plans.clone().unwrap_or_default();
+        table.count("plans_late", [plans.late]);
+        table.count("plans_lost", [plans.lost]);
+        let ages: Vec<f64> = plan_ages(&part.records).flatten().collect();
+        let mean = ages.iter().sum::<f64>() / ages.len() as f64;
+        table.maybe("mean_plan_age_s", [Some(mean)]);
+    }
     table.text("findings", [part.findings.join(", ")]);
     table.text("unjudged", [part.unjudged.join(", ")]);
     table.flag("recorded", [part.recorded]);
@@ -159,6 +183,9 @@ pub fn steps(common: Common<'_>, part: &Part) -> Result<RecordBatch, ArrowError>
     table.maybe("human_heading_rad", logged(|human| human.heading));
     table.maybe("human_velocity_x_mps", logged(|human| human.velocity_x));
     table.maybe("human_velocity_y_mps", logged(|human| human.velocity_y));
+    if common.latency {
+        table.maybe("plan_age_s", plan_ages(records));
+    }
     table.text("events", records.iter().map(|record| events_at(part, record.step)));
     table.batch()
 }
@@ -167,6 +194,21 @@ pub fn steps(common: Common<'_>, part: &Part) -> Result<RecordBatch, ArrowError>
 fn events_at(part: &Part, step: u32) -> String {
     let at = part.events.iter().filter(|event| event.step == step);
     at.map(|event| event.text.as_str()).collect::<Vec<_>>().join("\n")
+}
+
+/// How old the plan was that was followed in each step (s): the time between the two observations, that of the step and that which the plan
+/// answers, in the mean over the step; none where there was no plan for a while.
+fn plan_ages(records: &[StepRecord]) -> impl Iterator<Item = Option<f64>> {
+    let steps = |record: &StepRecord| record.plan_age.filter(|age| *age >= 0).map(f64::from);
+    (0..records.len()).map(move |step| {
+        let now = steps(&records[step])?;
+        let before = match records[step].plan_taken_up_us {
+            0 => now,
+            _ => 1.0 + steps(&records[step.checked_sub(1)?])?,
+        };
+        let share = f64::from(records[step].plan_taken_up_us) / f64::from(STEP_US);
+        Some(f64::from(STEP_US) / 1e6 * (share * before + (1.0 - share) * now))
+    })
 }
 
 /// `timing.parquet`: the row of one episode; seconds of wall clock.
@@ -264,7 +306,7 @@ mod tests {
     fn what_is_not_a_number_is_null_in_every_column_of_every_file() {
         let part = part();
         let scene = SceneLine { id: "s".to_owned(), ..SceneLine::default() };
-        let common = Common { driver: "d", protocol: "strict", motion: "m" };
+        let common = Common { driver: "d", protocol: "strict", motion: "m", latency: true };
         let files = [results(common, &scene, &part), steps(common, &part), timing(&scene, &part)];
         let mut columns = 0;
         for file in files.map(Result::unwrap) {

@@ -10,6 +10,7 @@
 //! | [`parquet`] | written so that the same rows are the same bytes, and read back |
 //! | [`merge()`], [`earlier`] | from parts to files; the rows of a run that is finished once more |
 //! | [`digest()`] | what names the content of a finished run, and tells when it was changed |
+//! | [`trace`] | how long each plan of a run took: read, to be repeated |
 //! | [`summary`] | a finished run in one line |
 //! | [`files`] | whole under their final name or not there at all |
 //! | [`version`] | which build this is |
@@ -26,6 +27,7 @@ pub mod parquet;
 pub mod part;
 pub mod settings;
 pub mod summary;
+pub mod trace;
 pub mod version;
 pub mod weights;
 

@@ -10,9 +10,10 @@ use crate::folder::Folder;
 use crate::parquet::{ParquetError, Writer};
 use crate::part::Part;
 use crate::settings::{RunFile, SceneLine};
+use crate::trace::TraceWriter;
 
-/// Merges the parts of a run, in the order of its scenes, into its three files, and then writes its digest, which says that the
-/// run is complete. An episode without a part has the rows that it had in `earlier`. Each part is read once, and shown to `on_part` with
+/// Merges the parts of a run, in the order of its scenes, into its three files, and its trace if it is under a latency, and then writes its
+/// digest, which says that the run is complete. An episode without a part has the rows that it had in `earlier`. Each part is read once, and shown to `on_part` with
 /// the place of its scene.
 ///
 /// # Errors
@@ -23,17 +24,17 @@ pub fn merge(
     earlier: Option<&Earlier>,
     mut on_part: impl FnMut(usize, &Part),
 ) -> Result<(), ParquetError> {
-    let common = Common {
-        driver: &file.settings.driver,
-        protocol: file.settings.protocol.name(),
-        motion: file.settings.protocol.motion_name(),
-    };
+    let common = Common::of(&file.settings);
     let mut merged = Vec::new();
     let nothing = SceneLine::default();
     for (name, rows) in FILES.into_iter().zip(rows(common, &nothing, &Part::default())?) {
         let writer = Writer::create(&folder.file(name), rows.schema())?;
         merged.push((writer, earlier.map(|_| EarlierRows::open(folder, name)).transpose()?));
     }
+    let mut trace = match common.latency {
+        true => Some(TraceWriter::create(folder, earlier.is_some())?),
+        false => None,
+    };
     for (place, scene) in file.scenes.iter().enumerate() {
         let part = folder.part(&scene.id)?;
         if part.is_none() && earlier.is_none_or(|earlier| earlier.standing(&scene.id).is_none()) {
@@ -46,6 +47,7 @@ pub fn merge(
             }
             None => Default::default(),
         };
+        trace.as_mut().map_or(Ok(()), |trace| trace.write(&scene.id, part.as_ref()))?;
         for ((writer, earlier), new) in merged.iter_mut().zip(new) {
             let old = earlier.as_mut().map_or(Ok(None), |earlier| earlier.take(&scene.id))?;
             new.or(old).map_or(Ok(()), |rows| writer.write(&rows))?;
@@ -55,6 +57,7 @@ pub fn merge(
         earlier.map_or(Ok(()), EarlierRows::end)?;
         writer.commit()?;
     }
+    trace.map_or(Ok(()), TraceWriter::commit)?;
     Ok(digest::write(folder.path())?)
 }
 

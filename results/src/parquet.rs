@@ -14,6 +14,7 @@ use parquet::arrow::arrow_reader::{ParquetRecordBatchReader, ParquetRecordBatchR
 use thiserror::Error;
 
 use crate::files::{FileError, at};
+use crate::trace::TraceError;
 
 pub use writer::{Writer, write};
 
@@ -30,6 +31,8 @@ pub enum ParquetError {
     Format { path: PathBuf, source: parquet::errors::ParquetError },
     #[error("rows do not fit together: {0}")]
     Rows(#[from] arrow_schema::ArrowError),
+    #[error(transparent)]
+    Trace(#[from] TraceError),
     #[error("the part of {0} is missing")]
     Part(String),
     #[error("{}: the rows of {scene} do not stand in the order of the run's scenes\nhint: the file was changed; drive the run again into another folder with --out", path.display())]

@@ -48,6 +48,23 @@ pub struct Part {
     /// SHA-256 of the scene's record as it was driven, in hexadecimal digits; empty where it could not be read.
     #[prost(string, tag = "12")]
     pub scene_sha256: String,
+    /// Under a latency: what became of its plans.
+    #[prost(message, optional, tag = "13")]
+    pub plans: Option<Plans>,
+}
+
+/// The plans of an episode under a latency.
+#[derive(Clone, PartialEq, Message)]
+pub struct Plans {
+    /// How long each took from the observation that it answers (us), step after step; -1 where it never arrived.
+    #[prost(sint32, repeated, tag = "1")]
+    pub delays_us: Vec<i32>,
+    /// Took effect in a later step than that of their observation.
+    #[prost(uint32, tag = "2")]
+    pub late: u32,
+    /// Never took effect.
+    #[prost(uint32, tag = "3")]
+    pub lost: u32,
 }
 
 /// How an episode came out, as far as it matters for driving it again.

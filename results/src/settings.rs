@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use clap::ValueEnum;
+use episode::latency::Latency;
 use episode::protocol::Protocol;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -49,6 +50,9 @@ pub struct Settings {
     pub predictor: Option<Node>,
     /// The rules of an episode.
     pub protocol: Protocol,
+    /// When plans take effect; none: at once.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub latency: Option<Latency>,
     /// Set where another run's drives were taken over.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fork: Option<Fork>,
@@ -185,6 +189,9 @@ pub struct Machine {
     /// Where the network's weights are, if not built in.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weights: Option<String>,
+    /// Where the trace is by which plans take effect.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub latency_trace: Option<String>,
     /// The scenes, as they were asked for; none for the built-in demo set.
     pub scenarios: Vec<String>,
     /// Common names of the certificates that the planner of other hosts may have; none where it needs none.
@@ -333,6 +340,7 @@ pub(crate) mod tests {
                 planner,
                 predictor: None,
                 protocol: Protocol::default(),
+                latency: None,
                 fork: None,
             },
             build: Build::this(),
@@ -343,6 +351,7 @@ pub(crate) mod tests {
                 start_timeout_s: 20.0,
                 endpoint: None,
                 weights: None,
+                latency_trace: None,
                 scenarios: Vec::new(),
                 planner_certificates: Vec::new(),
                 zenoh_config: None,

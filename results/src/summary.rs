@@ -3,11 +3,15 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use episode::latency::Latency;
 use thiserror::Error;
 
 use crate::digest::{DIGEST, DigestError, digest};
 use crate::folder::{FolderError, read_run_file};
 use crate::parquet::{ParquetError, Table};
+
+/// Counts of an episode under a latency.
+const COUNTS: [&str; 2] = ["plans_late", "plans_lost"];
 
 /// A folder that holds no finished run.
 #[derive(Debug, Error)]
@@ -51,6 +55,8 @@ pub struct Summary {
     pub motion: String,
     /// Which settings of the protocol are not as usual; before them that it was forked, if it was.
     pub changes: Vec<String>,
+    /// When its plans took effect; none: at once.
+    pub latency: Option<Latency>,
     /// The scenes: names and hashes.
     pub scenes: Vec<(String, String)>,
     /// Those without a result; means are over the others.
@@ -95,14 +101,19 @@ impl Summary {
         let errors = table.text("recording_error")?;
         let broken = errors.into_iter().enumerate().filter(|(_, error)| !error.is_empty());
         let broken_recordings = broken.map(|(row, error)| (scenes[row].0.clone(), error)).collect();
-        let mean = |name: String| table.number(&name).map(|values| (name, mean(&values, &failed)));
-        let means = table.number_columns().into_iter().map(mean).collect::<Result<_, _>>()?;
+        let of = |name: String| table.number(&name).map(|values| (name, mean(&values, &failed)));
+        let mut means = table.number_columns().into_iter().map(of).collect::<Result<BTreeMap<_, _>, _>>()?;
+        for name in COUNTS.into_iter().filter(|_| file.settings.latency.is_some()) {
+            let counts: Vec<_> = table.counts(name)?.into_iter().map(|count| Some(f64::from(count))).collect();
+            means.insert(name.to_owned(), mean(&counts, &failed));
+        }
         let fork = file.settings.fork.as_ref().map(ToString::to_string);
         Ok(Self {
             folder: folder.to_owned(),
             driver: file.settings.driver,
             protocol: file.settings.protocol.name().to_owned(),
             motion: file.settings.protocol.motion_name().to_owned(),
+            latency: file.settings.latency,
             changes: fork.into_iter().chain(file.settings.protocol.changes()).collect(),
             scenes,
             failures,
@@ -111,6 +122,13 @@ impl Summary {
             broken_recordings,
             means,
         })
+    }
+
+    /// All that is not as usual, a text each.
+    #[must_use]
+    pub fn settings(&self) -> Vec<String> {
+        let latency = self.latency.iter().map(|latency| format!("latency {latency}"));
+        self.changes.iter().cloned().chain(latency).collect()
     }
 
     /// How many episodes have a result.

@@ -65,8 +65,9 @@ pub fn blame(
         parallel,
         in_process: arguments.in_process,
     };
-    let own = cast::again(&file, &means)?;
-    let other = other_driver(arguments, &own, parallel)?;
+    let own = cast::again(folder, &file, &means)?;
+    let mut other = other_driver(arguments, &own, parallel)?;
+    cast::be_as_late(&mut other, folder, &file);
     let mut blamed = Blamed {
         run: folder.display().to_string(),
         driver: file.settings.driver.clone(),
@@ -134,7 +135,7 @@ impl Stage<'_> {
         let from = |failure: &Failure| failure.step.saturating_sub(before);
         let unrecorded: Vec<usize> = (0..failed.len()).filter(|at| !recording(folder, &failed[*at]).exists()).collect();
         let steps = unrecorded.iter().map(|at| (failed[*at].scene.clone(), from(&failed[*at]))).collect();
-        let mut driven = self.plans(own, &unrecorded, steps)?;
+        let mut driven = self.plans(folder, own, &unrecorded, steps)?;
         let case = |failure: Failure| {
             let (path, until) = (recording(folder, &failure), from(&failure));
             let lead = match driven.remove(&failure.scene) {
@@ -147,7 +148,13 @@ impl Stage<'_> {
     }
 
     /// The plans of the run's own driver in these scenes, up to a step each.
-    fn plans(&mut self, own: &Request, places: &[usize], steps: BTreeMap<String, u32>) -> anyhow::Result<Plans> {
+    fn plans(
+        &mut self,
+        folder: &Path,
+        own: &Request,
+        places: &[usize],
+        steps: BTreeMap<String, u32>,
+    ) -> anyhow::Result<Plans> {
         let found = Arc::new(Mutex::new(Plans::new()));
         if !places.is_empty() {
             let text =
@@ -155,6 +162,7 @@ impl Stage<'_> {
             self.console.line(&text);
             let mut request = own.clone();
             request.settings.record = Record::All;
+            cast::take_as_long(&mut request, folder)?;
             let onlooker = taking_plans(steps, Arc::clone(&found));
             self.run("first", request, places, Beginnings::default(), Some(onlooker))?;
         }

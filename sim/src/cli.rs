@@ -19,6 +19,7 @@ use std::time::Duration;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use episode::latency::{Latency, LatencyError};
 use evaluation::open_loop::{Definitions, table};
 use evaluation::table::TableFormat;
 use results::drivers::{self, DRIVERS, MotionName, Predictor};
@@ -180,6 +181,10 @@ pub struct RunArgs {
     #[arg(long, value_enum, help_heading = "What to drive")]
     pub motion: Option<MotionName>,
 
+    /// When plans take effect under `strict`: 80ms, measured, trace:FILE, dist:normal:80ms:20ms, ... (docs/latency.md) [default: at once]
+    #[arg(long, value_name = "HOW", help_heading = "What to drive")]
+    pub latency: Option<LatencyChoice>,
+
     /// The run's folder [default: runs/DRIVER-PROTOCOL-N]; an unfinished run in it is continued
     #[arg(long, value_name = "DIR", help_heading = "How to run")]
     pub out: Option<PathBuf>,
@@ -257,6 +262,7 @@ impl RunArgs {
             protocol: ProtocolName::default(),
             set: Vec::new(),
             motion: None,
+            latency: None,
             out: None,
             retry: Vec::new(),
             verify: false,
@@ -307,7 +313,11 @@ pub struct MatrixArgs {
     #[arg(long, value_name = "KEY=VALUE", num_args = 1, help_heading = "What to drive")]
     pub set: Vec<String>,
 
-    /// The folder of all runs, DIR/LABEL-PROTOCOL each
+    /// When plans take effect, as for `sim run`: a run each. Of several, score against latency is drawn into DIR/latency.svg
+    #[arg(long, value_name = "HOW", value_delimiter = ',', help_heading = "What to drive")]
+    pub latency: Vec<LatencyChoice>,
+
+    /// The folder of all runs, DIR/LABEL-PROTOCOL each, with the latency behind it if there is any
     #[arg(long, value_name = "DIR", default_value = "runs/matrix", help_heading = "How to run")]
     pub out: PathBuf,
 
@@ -338,6 +348,26 @@ pub struct MatrixArgs {
     /// How to print
     #[arg(long, value_enum, default_value_t, help_heading = "How to run")]
     pub format: TableFormat,
+}
+
+/// When plans take effect, as it is typed.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LatencyChoice {
+    /// As this says.
+    Latency(Latency),
+    /// As a file says.
+    Trace(PathBuf),
+}
+
+impl FromStr for LatencyChoice {
+    type Err = LatencyError;
+
+    fn from_str(text: &str) -> Result<Self, LatencyError> {
+        match text.strip_prefix("trace:") {
+            Some(path) => Ok(Self::Trace(PathBuf::from(path))),
+            None => text.parse().map(Self::Latency),
+        }
+    }
 }
 
 /// Who drives or is asked beside others: `[LABEL:]DRIVER[=WEIGHTS]`, or an entry of a file of entrants.

@@ -11,6 +11,7 @@ use std::thread;
 
 use evaluation::compare::{CompareFormat, compare, gate, json, junit, markdown, text};
 use evaluation::drives::Run;
+use evaluation::latency;
 use evaluation::scenes::{self, Scenes};
 use evaluation::score;
 use evaluation::table::{self, TableFormat};
@@ -121,10 +122,21 @@ fn drive_matrix(arguments: &MatrixArgs, clock: WallClock, console: &Console) -> 
     let runs = folders.iter().map(|folder| Summary::read(folder)).collect::<Result<Vec<Summary>, _>>()?;
     let clean = runs.iter().all(|run| run.failures.is_empty() && run.broken_recordings.is_empty());
     terminal::say(&table::render(&runs, arguments.format, width()))?;
+    if latency::is_a_sweep(&runs) {
+        plot_latency(&runs, &arguments.out.join("latency.svg"), console)?;
+    }
     if arguments.format == TableFormat::Text {
         terminal::say(&format!("\nfolder {}\n", arguments.out.display()))?;
     }
     Ok(if clean { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// Draws score against latency.
+fn plot_latency(runs: &[Summary], path: &Path, console: &Console) -> anyhow::Result<()> {
+    let plot = latency::plot(runs)?;
+    files::write_whole(path, |file| file.write_all(plot.as_bytes()))?;
+    console.line(&format!("score against latency is drawn in {}", path.display()));
+    Ok(())
 }
 
 /// Prints what plans are worth that are not driven.
@@ -161,6 +173,9 @@ fn finished(folders: &[PathBuf], console: &Console) -> anyhow::Result<Vec<Summar
 /// Prints the finished runs.
 fn print_tables(arguments: &TableArgs, console: &Console) -> anyhow::Result<ExitCode> {
     let runs = finished(&arguments.runs, console)?;
+    if let Some(path) = &arguments.plot {
+        plot_latency(&runs, path, console)?;
+    }
     if !arguments.scenes {
         terminal::say(&table::render(&runs, arguments.format, width()))?;
         return Ok(ExitCode::SUCCESS);

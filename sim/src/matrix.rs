@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use scenarios::SceneSet;
 use thiserror::Error;
 
-use crate::cli::{Entrant, MatrixArgs, ProtocolName, RunArgs};
+use crate::cli::{Entrant, LatencyChoice, MatrixArgs, ProtocolName, RunArgs};
 use crate::entrants::{self, EntrantsError};
 use crate::request::{Request, RequestError};
 use crate::run::clock::WallClock;
@@ -20,6 +20,8 @@ use crate::run::{self, RunError};
 pub enum MatrixError {
     #[error("two drivers are called {0}\nhint: LABEL:DRIVER, as other-{0}:{0}, gives one another name")]
     Twice(String),
+    #[error("the latency {0} is there twice\nhint: leave one of them out")]
+    SameLatency(String),
     #[error("{label}: {source}")]
     Request { label: String, source: RequestError },
     #[error(transparent)]
@@ -39,15 +41,19 @@ pub fn requests(arguments: &MatrixArgs, cores: u16) -> Result<Vec<Request>, Matr
     if let Some(entrant) = drivers.iter().find(|entrant| !labels.insert(&entrant.label)) {
         return Err(MatrixError::Twice(entrant.label.clone()));
     }
+    let latencies = latencies(&arguments.latency)?;
     let cells = arguments.protocols.iter().flat_map(|protocol| drivers.iter().map(move |it| (protocol, it)));
-    let request = |(protocol, entrant): (&ProtocolName, &Entrant)| {
+    let cells = cells.flat_map(|cell| latencies.iter().map(move |latency| (cell, latency)));
+    type Cell<'c> = ((&'c ProtocolName, &'c Entrant), &'c (String, Option<LatencyChoice>));
+    let request = |((protocol, entrant), (suffix, latency)): Cell<'_>| {
         let label = entrant.label.clone();
         let run = RunArgs {
             paths: arguments.paths.clone(),
             scenarios: arguments.scenarios.clone(),
             protocol: *protocol,
             set: arguments.set.clone(),
-            out: Some(arguments.out.join(format!("{label}-{}", protocol.name()))),
+            out: Some(arguments.out.join(format!("{label}-{}{suffix}", protocol.name()))),
+            latency: latency.clone(),
             retry: arguments.retry.clone(),
             record: arguments.record,
             parallel: arguments.parallel,
@@ -59,6 +65,28 @@ pub fn requests(arguments: &MatrixArgs, cores: u16) -> Result<Vec<Request>, Matr
         Request::resolve(run, cores).map_err(|source| MatrixError::Request { label, source })
     };
     cells.map(request).collect()
+}
+
+/// The latencies, each with what the folders of its runs end in; that none is asked for is one.
+fn latencies(asked: &[LatencyChoice]) -> Result<Vec<(String, Option<LatencyChoice>)>, MatrixError> {
+    let suffix = |choice: &LatencyChoice| match choice {
+        LatencyChoice::Latency(latency) if latency.is_none() => String::new(),
+        LatencyChoice::Latency(latency) => format!("-{}", latency.to_string().replace([':', '='], "-")),
+        LatencyChoice::Trace(path) => format!("-trace-{}", path.file_stem().unwrap_or_default().to_string_lossy()),
+    };
+    if asked.is_empty() {
+        return Ok(vec![(String::new(), None)]);
+    }
+    let mut suffixes = BTreeSet::new();
+    let latency = |choice: &LatencyChoice| {
+        let suffix = suffix(choice);
+        if suffixes.insert(suffix.clone()) {
+            Ok((suffix, Some(choice.clone())))
+        } else {
+            Err(MatrixError::SameLatency(suffix.trim_start_matches('-').to_owned()))
+        }
+    };
+    asked.iter().map(latency).collect()
 }
 
 /// Drives them all, or what is left of them; the folders, in their order.
@@ -76,7 +104,8 @@ pub fn drive(
     console.begin("episodes", scenes * requests.len(), 0);
     let folders = requests.iter().map(|request| {
         let (driver, protocol) = (&request.settings.driver, request.settings.protocol.name());
-        let shared = console.shared(format!("{driver}, {protocol}"));
+        let latency = request.settings.latency.as_ref().map_or_else(String::new, |latency| format!(", {latency}"));
+        let shared = console.shared(format!("{driver}, {protocol}{latency}"));
         Ok(run::run(request, clock, &shared, interrupts)?.folder)
     });
     let folders = folders.collect();

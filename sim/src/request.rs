@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use episode::latency::Latency;
 use episode::protocol::{Motion, Protocol, SettingError, StrictSettings};
 use network::features::Settings as Features;
 use network::weights::features_of;
@@ -15,7 +16,7 @@ use results::weights;
 use thiserror::Error;
 use wire::session::{ZenohFile, ZenohFileError};
 
-use crate::cli::{self, ProtocolName, Retry, RunArgs};
+use crate::cli::{self, LatencyChoice, ProtocolName, Retry, RunArgs};
 
 /// How long nodes that the sim starts may take to be there.
 const PATIENCE_WITH_NODES: Duration = Duration::from_secs(20);
@@ -79,6 +80,12 @@ pub enum RequestError {
     ZenohFile(#[from] ZenohFileError),
     #[error("cannot read the Zenoh configuration: {0}")]
     ZenohFileSum(FileError),
+    #[error("cannot read the trace of latencies: {0}")]
+    Trace(FileError),
+    #[error(
+        "--latency is for an AV that follows plans, and that of the driver human is played back\nhint: leave --latency out, or have it steer, with --motion bicycle"
+    )]
+    PlayedBackLate,
     #[error(transparent)]
     Setting(#[from] SettingError),
 }
@@ -153,6 +160,13 @@ impl Request {
             ProtocolName::Paper => Protocol::Paper,
         };
         protocol.check()?;
+        let (latency, trace) = latency(arguments.latency)?;
+        if let (Some(_), Protocol::Paper) = (&latency, &protocol) {
+            return Err(RequestError::NotUnderPaper("--latency"));
+        }
+        if let (Some(_), Protocol::Strict(StrictSettings { motion: Motion::Playback, .. })) = (&latency, &protocol) {
+            return Err(RequestError::PlayedBackLate);
+        }
         let patience = if planner == Planner::External { PATIENCE_WITH_PEOPLE } else { PATIENCE_WITH_NODES };
         let settings = Settings {
             driver,
@@ -161,6 +175,7 @@ impl Request {
             planner,
             predictor,
             protocol,
+            latency,
             fork: None,
         };
         let machine = Machine {
@@ -170,6 +185,7 @@ impl Request {
             start_timeout_s: arguments.start_timeout.unwrap_or(patience).as_secs_f64(),
             endpoint: arguments.endpoint,
             weights: arguments.weights.map(|path| path.display().to_string()),
+            latency_trace: trace.map(|path| path.display().to_string()),
             scenarios: if arguments.paths.is_empty() { arguments.scenarios } else { arguments.paths },
             planner_certificates: arguments.planner_certificate,
             zenoh_config: arguments.zenoh_config.as_deref().map(zenoh_config).transpose()?,
@@ -177,6 +193,18 @@ impl Request {
         let RunArgs { out, retry, verify, timing, view, .. } = arguments;
         Ok(Self { settings, machine, out, retry, verify, timing, view })
     }
+}
+
+/// When plans take effect; none where it is at once. And the file that says so, if one does.
+fn latency(choice: Option<LatencyChoice>) -> Result<(Option<Latency>, Option<PathBuf>), RequestError> {
+    Ok(match choice {
+        None => (None, None),
+        Some(LatencyChoice::Latency(latency)) => (Some(latency).filter(|latency| !latency.is_none()), None),
+        Some(LatencyChoice::Trace(path)) => {
+            let sha256 = files::sha256([&*path]).map_err(RequestError::Trace)?;
+            (Some(Latency::Trace { sha256 }), Some(path))
+        }
+    })
 }
 
 /// The predictor `network` of a driver, with the weights in a file or those that are built in.
@@ -251,6 +279,8 @@ mod tests {
             &["--planner", "external", "--endpoint", "tcp/127.0.0.1:7447", "--scenarios", "a", "b"],
             &["--protocol", "paper"],
             &["--planner-command", "cat Cargo.toml"],
+            &["--latency", "dist:normal:80ms:20ms:loss=0.01"],
+            &["--latency", concat!("trace:", env!("CARGO_MANIFEST_DIR"), "/Cargo.toml")],
             &["--set", "horizon=80", "--set", "wheelbase.of-length=0.6", "--set", "ending-collision=any"],
         ] {
             let file = run_file(arguments);
@@ -341,6 +371,21 @@ mod tests {
         assert!(matches!(refused, RequestError::NotUnderPaper("--motion")));
         let refused = refusal(&["--protocol", "paper", "--set", "horizon=80"]);
         assert!(matches!(refused, RequestError::NotUnderPaper("--set")));
+    }
+
+    #[test]
+    fn a_latency_is_for_who_follows_plans_and_none_of_it_is_none() {
+        let settings = |latency| resolve(&["--latency", latency]).settings;
+        assert_eq!(settings("0ms"), resolve(&[]).settings);
+        assert_eq!(settings("80ms").latency, Some(Latency::Fixed(80_000)));
+        assert_eq!(resolve(&["--protocol", "paper", "--latency", "0"]).settings.latency, None);
+        let refused = refusal(&["--protocol", "paper", "--latency", "80ms"]);
+        assert!(matches!(refused, RequestError::NotUnderPaper("--latency")));
+        let human = ["--driver", "human", "--latency", "80ms"];
+        assert!(matches!(refusal(&human), RequestError::PlayedBackLate));
+        assert!(resolve(&["--driver", "human", "--latency", "80ms", "--motion", "bicycle"]).settings.latency.is_some());
+        let missing = refusal(&["--latency", "trace:nowhere.csv"]).to_string();
+        assert!(missing.contains("trace of latencies") && missing.contains("nowhere.csv"), "{missing}");
     }
 
     #[test]

@@ -9,7 +9,7 @@ pub mod sight;
 use wire::proto::event::Kind;
 use wire::proto::{self, EndReason};
 use world::geometry::angle_difference;
-use world::plan::{Control, Plan, PlanState, STEP_SECONDS};
+use world::plan::{Control, PlanState, STEP_SECONDS};
 use world::route::{Route, RouteError};
 use world::scene::{AgentState, Scene};
 use world::vehicle::{VehicleState, WHEELBASE};
@@ -17,6 +17,7 @@ use world::vehicle::{VehicleState, WHEELBASE};
 pub use self::sight::Sight;
 use self::sight::Surroundings;
 use crate::advance::{Advance, Undrivable, control_between};
+use crate::guidance::Guidance;
 use crate::judges::discs::Discs;
 
 /// Log index of step 0.
@@ -71,9 +72,11 @@ impl Paper {
         &self.sight
     }
 
-    /// Puts the AV on the plan's first pose; only the heading is held back.
-    pub(super) fn drive(&mut self, plan: &Plan) {
-        self.put(&plan.states()[0]);
+    /// Puts the AV on the plan's pose of that moment; only the heading is held back. Without a plan it stays where it is.
+    pub(super) fn drive(&mut self, guidance: &Guidance<'_>) {
+        if let Some(plan) = guidance.now {
+            self.put(&plan.states(0)[0]);
+        }
     }
 
     /// Puts the AV on a state a step later, as far as its heading may turn.

@@ -14,10 +14,11 @@ mod referee;
 pub mod traffic;
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 use wire::proto::{self, EndReason};
 use world::geometry::{Point, Pose, angle_difference};
-use world::plan::{Control, Plan, PlanState, STEP_SECONDS};
+use world::plan::{Control, PlanState, STEP_SECONDS};
 use world::reference_line::ReferenceWindow;
 use world::route::follow::Followed;
 use world::route::{Route, RouteStyle};
@@ -30,6 +31,7 @@ use self::course::{Course, Reader};
 use self::human::Human;
 use self::referee::{Moment, Referee};
 use crate::advance::{Advance, Undrivable, control_between, steering_of};
+use crate::guidance::{Aged, Guidance, STEP_US};
 use crate::judges::Body;
 use crate::metrics::{self, Counted, Drive, Start};
 use crate::protocol::{EndingCollision, Motion, StrictSettings};
@@ -169,24 +171,33 @@ impl Strict {
     }
 
     /// Moves the AV by one step.
-    pub(super) fn drive(&mut self, plan: &Plan) {
+    pub(super) fn drive(&mut self, guidance: &Guidance<'_>) {
+        if let (Motion::Playback, Some(plan)) = (self.settings.motion, guidance.now) {
+            return self.put(&plan.states(0)[0], None);
+        }
         let state = self.av.state;
         let now = VehicleState { x: state.x, y: state.y, heading: state.heading, speed: self.av.speed };
-        let next = match self.settings.motion {
-            Motion::Bicycle => {
-                let steering = self.control.steering;
-                let wanted = plan.controls().and_then(|controls| controls.first().copied());
-                let wanted =
-                    wanted.unwrap_or_else(|| tracker::track(&now, steering, self.vehicle.wheelbase, plan.states()));
-                self.control = self.limits.apply(wanted, steering, STEP_SECONDS);
-                let next = self.vehicle.step(now, self.control, STEP_SECONDS);
-                // What braking did, where the AV came to a stop within the step.
-                self.control.acceleration = (next.speed - now.speed) / STEP_SECONDS;
-                next
-            }
-            Motion::Playback => return self.put(&plan.states()[0], None),
-        };
+        let mut next = now;
+        if guidance.since_us > 0 {
+            next = self.follow(&next, guidance.before, 0..guidance.since_us);
+        }
+        next = self.follow(&next, guidance.now, guidance.since_us..STEP_US);
+        // What braking did, where the AV came to a stop within the step.
+        self.control.acceleration = (next.speed - now.speed) / STEP_SECONDS;
         self.arrive(&next);
+    }
+
+    /// Where the AV is that follows a plan for a part of a step (us). Without a plan it keeps its speed and its wheels as they are.
+    fn follow(&mut self, now: &VehicleState, plan: Option<Aged<'_>>, part: Range<u32>) -> VehicleState {
+        let steering = self.control.steering;
+        let seconds = f64::from(part.end - part.start) / 1e6;
+        let hold = Control { acceleration: 0.0, steering };
+        let wanted = plan.map_or(hold, |plan| match plan.control() {
+            Some(control) => control.unwrap_or(hold),
+            None => tracker::track_for(seconds, now, steering, self.vehicle.wheelbase, &plan.states(part.start)),
+        });
+        self.control = self.limits.apply(wanted, steering, seconds);
+        self.vehicle.step(*now, self.control, seconds)
     }
 
     /// Puts the AV on a state a step later, wherever that is. What brought it there is `control`, or what a car would have needed.

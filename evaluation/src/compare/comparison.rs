@@ -13,6 +13,7 @@ use super::run::{Episode, Run};
 use super::statistics::Interval;
 use super::statistics::proportion::{flips_needed, mcnemar, wilson};
 use super::steps::Steps;
+use crate::table::latency_name;
 
 /// Two runs, compared; as `--format json` prints it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -58,6 +59,8 @@ pub struct Side {
     pub driver: String,
     /// How the AV followed its plans.
     pub motion: &'static str,
+    /// When its plans took effect.
+    pub latency: String,
     /// Version and revision of the build that drove.
     pub build: String,
     /// How long an answer might take (s).
@@ -183,6 +186,7 @@ impl Side {
             folder: run.folder.to_string_lossy().into_owned(),
             driver: run.driver.clone(),
             motion: run.protocol.motion_name(),
+            latency: latency_name(run.latency.as_ref()),
             build: format!("{} ({})", run.build.version, run.build.git_revision),
             deadline_s: run.deadline_s,
             passed,

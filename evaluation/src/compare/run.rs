@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use episode::latency::Latency;
 use episode::protocol::Protocol;
 use results::folder::read_run_file;
 use results::parquet::Table;
@@ -20,6 +21,8 @@ pub struct Run {
     pub driver: String,
     /// The rules.
     pub protocol: Protocol,
+    /// When its plans took effect; none: at once.
+    pub latency: Option<Latency>,
     /// The build that drove.
     pub build: Build,
     /// How long an answer might take (s).
@@ -82,6 +85,7 @@ impl Run {
             folder: folder.to_owned(),
             driver: summary.driver,
             protocol: file.settings.protocol,
+            latency: file.settings.latency,
             build: file.build,
             deadline_s: file.settings.deadline_s,
         })

@@ -172,6 +172,7 @@ pub(crate) fn notes(comparison: &Comparison) -> Vec<String> {
     }
     for (what, there, here) in [
         ("motion", a.motion.to_owned(), b.motion.to_owned()),
+        ("latency", a.latency.clone(), b.latency.clone()),
         ("deadline", format!("{} s", a.deadline_s), format!("{} s", b.deadline_s)),
         ("build", a.build.clone(), b.build.clone()),
     ] {

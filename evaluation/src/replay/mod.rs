@@ -94,8 +94,11 @@ impl Drive<'_> {
             }
             let observation = proto::Observation::from(&self.episode.observe());
             difference::at(step, "observation", recorded.observations.get(index), Some(&observation))?;
-            let plan = recorded.plan(self.step).map_err(|error| Stop::Error(error.into()))?;
-            let advance = self.episode.advance(&plan);
+            let error = |error: PlanError| Stop::Error(error.into());
+            let advance = match recorded.late_plans(self.step).map_err(error)? {
+                Some(plans) => self.episode.follow(&plans.guidance()),
+                None => self.episode.advance(&recorded.plan(self.step).map_err(error)?),
+            };
             difference::at(step, "record", recorded.records.get(index), Some(&advance.record))?;
             for event in &advance.events {
                 difference::at(step, "event", events.next(), Some(event))?;

@@ -1,5 +1,6 @@
 //! What a recording says of an episode.
 
+use episode::guidance::{Aged, Guidance, STEP_US};
 use thiserror::Error;
 use wire::convert::by_number;
 use wire::{WIRE_VERSION, proto};
@@ -13,6 +14,21 @@ use crate::recorded::{RecordedError, messages};
 pub struct PlanError {
     step: u32,
     why: String,
+}
+
+/// Plans that were followed in a step, each with the steps since it was asked for.
+pub(super) struct LatePlans {
+    before: Option<(Plan, u32)>,
+    now: Option<(Plan, u32)>,
+    since_us: u32,
+}
+
+impl LatePlans {
+    pub(super) fn guidance(&self) -> Guidance<'_> {
+        let [before, now] =
+            [&self.before, &self.now].map(|plan| plan.as_ref().map(|(plan, age)| Aged { plan, age: *age }));
+        Guidance { before, now, since_us: self.since_us }
+    }
 }
 
 /// All that the simulator said, and what predictor and planner answered, in their order.
@@ -49,6 +65,30 @@ impl Recorded {
         let recorded = self.plans.get(step as usize).ok_or_else(|| error("it is not recorded".to_owned()))?;
         let unchecked = UncheckedPlan::try_from(recorded.clone()).map_err(|refused| error(refused.to_string()))?;
         unchecked.check(step).map_err(|refused| error(refused.to_string()))
+    }
+
+    /// The plans that were followed at `step` under a latency, as its record tells; none without one, where the plan of the step is driven.
+    ///
+    /// # Errors
+    /// [`PlanError`] of one that cannot be driven, or was not asked for yet.
+    pub(super) fn late_plans(&self, step: u32) -> Result<Option<LatePlans>, PlanError> {
+        let record = |step: u32| self.records.get(step as usize);
+        let Some((age, since_us)) = record(step).and_then(|record| Some((record.plan_age?, record.plan_taken_up_us)))
+        else {
+            return Ok(None);
+        };
+        let error = |why: &str| PlanError { step, why: why.to_owned() };
+        let aged = |age: i32| -> Result<Option<(Plan, u32)>, PlanError> {
+            let Ok(age) = u32::try_from(age) else { return Ok(None) };
+            let asked = step.checked_sub(age).ok_or_else(|| error("its record tells of one before the drive"))?;
+            Ok(Some((self.plan(asked)?, age)))
+        };
+        if since_us >= STEP_US {
+            return Err(error("its record tells of one that took effect after the step"));
+        }
+        let before = step.checked_sub(1).and_then(record).and_then(|record| record.plan_age);
+        let before = before.filter(|age| since_us > 0 && *age >= 0).map(|age| age.saturating_add(1));
+        Ok(Some(LatePlans { before: before.map_or(Ok(None), aged)?, now: aged(age)?, since_us }))
     }
 
     /// The plans of the steps before `until`.

@@ -78,6 +78,7 @@ fn facts(source: &Source) -> Markup {
         ("Protocol", settings.protocol.name().to_owned()),
         ("Motion", settings.protocol.motion_name().to_owned()),
         ("Settings", rules),
+        ("Latency", table::latency_name(settings.latency.as_ref())),
         ("Deadline", format!("{} s", settings.deadline_s)),
         ("Recorded", format!("{recorded:?}").to_lowercase()),
         ("Build", format!("{} ({})", build.version, build.git_revision)),

@@ -205,7 +205,7 @@ fn csv(runs: &[Scored]) -> String {
     for run in runs {
         let summary = &run.run;
         let [folder, driver, settings] =
-            [&*summary.folder.to_string_lossy(), &summary.driver, &summary.changes.join("; ")].map(quoted);
+            [&*summary.folder.to_string_lossy(), &summary.driver, &summary.settings().join("; ")].map(quoted);
         let _ = write!(lines, "{folder},{driver},{},{settings},{}", summary.protocol, run.episodes.len());
         for group in &run.groups {
             let _ = write!(lines, ",{}", run.judged(group));
@@ -269,7 +269,7 @@ fn json_of_run(run: &Scored, scenes: bool) -> Value {
         "run": run.run.folder.to_string_lossy(),
         "driver": run.run.driver,
         "protocol": run.run.protocol,
-        "settings": run.run.changes,
+        "settings": run.run.settings(),
         "episodes": run.episodes.len(),
         "scores": scores,
     });

@@ -18,6 +18,7 @@ pub fn run_file(scenes: usize) -> RunFile {
         planner: Planner::Node(Node::named("idm", false)),
         predictor: None,
         protocol: Protocol::default(),
+        latency: None,
         fork: None,
     };
     let machine = Machine {
@@ -27,6 +28,7 @@ pub fn run_file(scenes: usize) -> RunFile {
         start_timeout_s: 20.0,
         endpoint: None,
         weights: None,
+        latency_trace: None,
         scenarios: Vec::new(),
         planner_certificates: Vec::new(),
         zenoh_config: None,

@@ -24,6 +24,9 @@ pub struct TableArgs {
     /// Only so many of the scenes
     #[arg(long, value_name = "N", requires = "scenes")]
     pub worst: Option<usize>,
+    /// Draw score against latency, a line a driver, of runs at several: an SVG file
+    #[arg(long, value_name = "FILE")]
+    pub plot: Option<PathBuf>,
 }
 
 /// `sim predictions`.

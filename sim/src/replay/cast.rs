@@ -3,8 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use episode::latency::Latency;
 use results::files::{self, FileError};
 use results::settings::{Planner, Record, RunFile, SceneLine};
+use results::trace::TRACE;
 use results::weights;
 use scenarios::{SceneSet, SetError};
 use thiserror::Error;
@@ -48,11 +50,11 @@ pub struct Means {
     pub in_process: bool,
 }
 
-/// The request that drives as the run `file` was driven, with nothing recorded, and no folder yet.
+/// The request that drives as the run `file` in `folder` was driven, with nothing recorded, and no folder yet.
 ///
 /// # Errors
 /// [`CastError`] where the weights are others.
-pub fn again(file: &RunFile, means: &Means) -> Result<Request, CastError> {
+pub fn again(folder: &Path, file: &RunFile, means: &Means) -> Result<Request, CastError> {
     let mut machine = file.machine.clone();
     (machine.parallel, machine.in_process) = (means.parallel, means.in_process);
     machine.weights = own_weights(file, means.weights.as_deref())?;
@@ -65,7 +67,33 @@ pub fn again(file: &RunFile, means: &Means) -> Result<Request, CastError> {
     }
     let mut settings = file.settings.clone();
     settings.record = Record::None;
-    Ok(Request { settings, machine, out: None, retry: Vec::new(), verify: false, timing: false, view: false })
+    let mut request =
+        Request { settings, machine, out: None, retry: Vec::new(), verify: false, timing: false, view: false };
+    be_as_late(&mut request, folder, file);
+    Ok(request)
+}
+
+/// Has plans take effect as in the run `file` in `folder`. What was measured then is known of drives that lead others; from there on it is
+/// measured again.
+pub fn be_as_late(request: &mut Request, folder: &Path, file: &RunFile) {
+    request.settings.latency.clone_from(&file.settings.latency);
+    request.machine.latency_trace = match &file.settings.latency {
+        Some(Latency::Measured) => Some(folder.join(TRACE).display().to_string()),
+        _ => file.machine.latency_trace.clone(),
+    };
+}
+
+/// Has every plan take as long as it took in the run in `folder`, which was measured or had a trace.
+///
+/// # Errors
+/// [`CastError`] where that is not known any more.
+pub fn take_as_long(request: &mut Request, folder: &Path) -> Result<(), CastError> {
+    if let Some(Latency::Measured | Latency::Trace { .. }) = &request.settings.latency {
+        let path = folder.join(TRACE);
+        request.settings.latency = Some(Latency::Trace { sha256: files::sha256([&*path])? });
+        request.machine.latency_trace = Some(path.display().to_string());
+    }
+    Ok(())
 }
 
 /// Where the weights of the run are; none where it has none, or those that are built in.

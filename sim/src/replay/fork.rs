@@ -55,7 +55,7 @@ pub fn run(
     let [folder] = &arguments.runs[..] else { return Err(ForkError::OneRun.into()) };
     let Asked { file, episodes } = asked(folder, arguments)?;
     let digest = results::digest(folder)?;
-    let request = request(&file, arguments, from, digest, cores)?;
+    let request = request(folder, &file, arguments, from, digest, cores)?;
     let (mut lines, mut left_out) = (Vec::new(), 0);
     for line in episodes.into_iter().map(|at| &file.scenes[at]) {
         match can_be_led(&recording(folder, line), from) {
@@ -97,7 +97,14 @@ fn can_be_led(path: &Path, step: u32) -> Result<(), String> {
 }
 
 /// Who takes over, and by which rules: those of the run.
-fn request(file: &RunFile, arguments: &ReplayArgs, from: u32, digest: String, cores: u16) -> anyhow::Result<Request> {
+fn request(
+    folder: &Path,
+    file: &RunFile,
+    arguments: &ReplayArgs,
+    from: u32,
+    digest: String,
+    cores: u16,
+) -> anyhow::Result<Request> {
     let fork = &arguments.fork;
     let is_own = fork.driver.is_none() && fork.planner_command.is_none();
     let parallel = arguments.parallel.unwrap_or(cores);
@@ -112,7 +119,7 @@ fn request(file: &RunFile, arguments: &ReplayArgs, from: u32, digest: String, co
             parallel,
             in_process: arguments.in_process,
         };
-        let mut request = cast::again(file, &means)?;
+        let mut request = cast::again(folder, file, &means)?;
         request.settings.deadline_s = fork.deadline.map_or(request.settings.deadline_s, |time| time.as_secs_f64());
         request
     } else {
@@ -137,6 +144,7 @@ fn request(file: &RunFile, arguments: &ReplayArgs, from: u32, digest: String, co
     if played_back(&file.settings.protocol) && !played_back(&request.settings.protocol) {
         return Err(ForkError::Playback.into());
     }
+    cast::be_as_late(&mut request, folder, file);
     let label = fork.label.clone().unwrap_or_else(|| format!("{}-from-{from}", request.settings.driver));
     let settings = &mut request.settings;
     settings.driver = checked_label(&label)?;

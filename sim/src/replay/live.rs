@@ -45,7 +45,8 @@ pub fn run(
         parallel: arguments.parallel.unwrap_or(cores),
         in_process: arguments.in_process,
     };
-    let mut request = cast::again(&file, &means)?;
+    let mut request = cast::again(folder, &file, &means)?;
+    cast::take_as_long(&mut request, folder)?;
     let place = tempfile::tempdir().map_err(results::files::at("create a folder in", &std::env::temp_dir()))?;
     request.settings.record = Record::All;
     request.out = Some(place.path().join("again"));

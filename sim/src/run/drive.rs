@@ -4,12 +4,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use episode::{Episode, Outcome};
-use results::part::Timing;
+use results::part::{Plans, Timing};
 use wire::proto::{EpisodeEnd, Event, StepRecord};
 use world::observation::{Briefing, Observation};
 use world::plan::Plan;
 
 use super::clock::Clock;
+use super::lag::Lag;
 
 /// Answers observations with plans, and hears how it went.
 pub trait Driver {
@@ -46,14 +47,22 @@ pub trait Driver {
 pub struct Driven {
     /// What came of it.
     pub outcome: Outcome,
+    /// What became of its plans, under a latency.
+    pub plans: Option<Plans>,
     /// What is wrong with its recording.
     pub recording: Result<(), String>,
     /// What took how long; load, preparation and the whole are the caller's to add.
     pub timing: Timing,
 }
 
-/// Drives `episode` to its end; none if `stop` was set in between.
-pub fn drive(mut episode: Episode, driver: &mut impl Driver, clock: &impl Clock, stop: &AtomicBool) -> Option<Driven> {
+/// Drives `episode` to its end, by plans that take effect as `lag` says, or at once; none if `stop` was set in between.
+pub fn drive(
+    mut episode: Episode,
+    driver: &mut impl Driver,
+    mut lag: Option<Lag<'_>>,
+    clock: &impl Clock,
+    stop: &AtomicBool,
+) -> Option<Driven> {
     let mut timing = Timing::default();
     let mut answers = Vec::with_capacity(episode.briefing().horizon as usize);
     let mut last = clock.now();
@@ -70,15 +79,19 @@ pub fn drive(mut episode: Episode, driver: &mut impl Driver, clock: &impl Clock,
         let observation = episode.observe();
         lap(&mut timing.observe);
         let answer = driver.answer(&observation);
-        answers.push(lap(&mut timing.answer));
-        let plan = match answer {
-            Ok(plan) => plan,
+        let taken = lap(&mut timing.answer);
+        answers.push(taken);
+        let advanced = answer.and_then(|plan| match &mut lag {
+            None => Ok(episode.advance(&plan)),
+            Some(lag) => Ok(episode.follow(&lag.step(plan, taken)?)),
+        });
+        let advance = match advanced {
+            Ok(advance) => advance,
             Err(reason) => {
                 failure = Some(reason);
                 break;
             }
         };
-        let advance = episode.advance(&plan);
         let ended = advance.ended.is_some();
         lap(&mut timing.advance);
         driver.step_done(&advance.record, &advance.events);
@@ -111,7 +124,7 @@ pub fn drive(mut episode: Episode, driver: &mut impl Driver, clock: &impl Clock,
     timing.answer_p50 = seconds(share(0.5));
     timing.answer_p99 = seconds(share(0.99));
     timing.answer_max = seconds(answers.last());
-    Some(Driven { outcome, recording, timing })
+    Some(Driven { outcome, plans: lag.map(Lag::plans), recording, timing })
 }
 
 #[cfg(test)]
@@ -198,7 +211,7 @@ mod tests {
     fn a_driver_is_told_everything_in_order_and_time_is_booked_where_it_went() {
         let clock = Script::default();
         let mut driver = Straight { clock: &clock, fails_at: None, says_too_much: false, heard: Vec::new() };
-        let driven = drive(episode(), &mut driver, &clock, &AtomicBool::new(false)).unwrap();
+        let driven = drive(episode(), &mut driver, None, &clock, &AtomicBool::new(false)).unwrap();
         let steps = driven.outcome.records.len();
         assert!(steps > 10);
         assert_eq!(driver.heard.len(), steps + 3);
@@ -215,7 +228,7 @@ mod tests {
     fn a_driver_that_fails_ends_its_episode_with_the_reason() {
         let clock = Script::default();
         let mut driver = Straight { clock: &clock, fails_at: Some(3), says_too_much: false, heard: Vec::new() };
-        let Driven { outcome, .. } = drive(episode(), &mut driver, &clock, &AtomicBool::new(false)).unwrap();
+        let Driven { outcome, .. } = drive(episode(), &mut driver, None, &clock, &AtomicBool::new(false)).unwrap();
         assert_eq!((outcome.end.reason(), outcome.end.detail.as_str()), (EndReason::DriverFailed, "no idea"));
         assert_eq!(driver.heard[4..], ["the driver failed: no idea", "DriverFailed after 3"]);
     }
@@ -224,7 +237,7 @@ mod tests {
     fn a_driver_that_says_too_much_fails_after_the_last_step() {
         let clock = Script::default();
         let mut driver = Straight { clock: &clock, fails_at: None, says_too_much: true, heard: Vec::new() };
-        let Driven { outcome, .. } = drive(episode(), &mut driver, &clock, &AtomicBool::new(false)).unwrap();
+        let Driven { outcome, .. } = drive(episode(), &mut driver, None, &clock, &AtomicBool::new(false)).unwrap();
         assert_eq!((outcome.end.reason(), outcome.end.detail.as_str()), (EndReason::DriverFailed, "one plan too many"));
         let steps = outcome.records.len();
         assert_eq!(driver.heard[steps + 2], "the driver failed: one plan too many");
@@ -238,6 +251,6 @@ mod tests {
     fn a_stopped_drive_has_no_outcome() {
         let clock = Script::default();
         let mut driver = Straight { clock: &clock, fails_at: Some(3), says_too_much: false, heard: Vec::new() };
-        assert!(drive(episode(), &mut driver, &clock, &AtomicBool::new(true)).is_none());
+        assert!(drive(episode(), &mut driver, None, &clock, &AtomicBool::new(true)).is_none());
     }
 }

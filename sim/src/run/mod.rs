@@ -12,6 +12,7 @@
 //! | [`worker`], [`recorder`] | the threads that do it |
 //! | [`shared`] | what they share |
 //! | [`drive`], [`mod@line`] | one episode, and its driver at the end of a line |
+//! | [`lag`] | when its plans take effect, under a latency |
 //! | [`in_process`] | drivers that are in this process |
 //! | [`beginning`] | episodes that are not their driver's from the first step on |
 //! | [`frames`] | no drive at all: plans at frames of the log, to be judged |
@@ -32,6 +33,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
+use episode::latency::Latency;
 use rayon::prelude::*;
 use results::digest::DigestError;
 use results::files::FileError;
@@ -40,6 +42,7 @@ use results::parquet::ParquetError;
 use results::part::Part;
 use results::settings::Record;
 use results::settings::{Build, Planner, RunFile, SceneLine};
+use results::trace::{Trace, TraceError};
 use scenarios::{SceneEntry, SceneSet, SetError};
 use thiserror::Error;
 use wire::cores::Cores;
@@ -73,6 +76,7 @@ pub mod drive;
 pub mod frames;
 pub mod in_process;
 pub mod interrupt;
+pub mod lag;
 pub mod line;
 pub mod process;
 pub mod progress;
@@ -119,6 +123,8 @@ pub enum RunError {
     Pin(std::io::Error),
     #[error(transparent)]
     Results(#[from] ParquetError),
+    #[error(transparent)]
+    Trace(#[from] TraceError),
     #[error("{reason}\nnote: {state}")]
     Broken { reason: String, state: State },
     #[error("interrupted: {state}")]
@@ -286,6 +292,7 @@ fn drive_pending(
     if let Some(cores) = cores.filter(|_| alone) {
         cores.one(0).and_then(|one| one.keep_to()).map_err(RunError::Pin)?;
     }
+    let trace = trace(&file)?;
     let reach = reach(&file, view, console)?;
     if let Some(cores) = cores {
         cores.keep_to().map_err(RunError::Pin)?;
@@ -293,6 +300,7 @@ fn drive_pending(
     let shared = Arc::new(Shared {
         beginnings,
         onlooker,
+        trace,
         ..Shared::new((scenes, file, folder), reach, cores, clock, console, interrupts.nodes())
     });
     let view = if view { View::start(&shared) } else { None };
@@ -326,6 +334,15 @@ fn drive_pending(
         .map_err(|error| RunError::Broken { reason: error.to_string(), state: state() })?;
     shared.folder.remove_parts()?;
     Ok(Done { folder: path, breakdown })
+}
+
+/// The trace by which plans take effect: of all scenes if all delays are from it.
+fn trace(file: &RunFile) -> Result<Option<Trace>, TraceError> {
+    let Some(path) = file.machine.latency_trace.as_ref().map(Path::new) else { return Ok(None) };
+    let Some(Latency::Trace { sha256 }) = &file.settings.latency else { return Ok(Some(Trace::read(path)?.0)) };
+    let trace = Trace::read_held(path, sha256)?;
+    trace.covers(path, file.scenes.iter().map(|line| line.id.as_str()))?;
+    Ok(Some(trace))
 }
 
 /// What the driver of a run is reached by: there is no bus where it is in this process and nobody records.

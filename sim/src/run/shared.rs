@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use results::folder::Folder;
 use results::part::Part;
 use results::settings::RunFile;
+use results::trace::Trace;
 use scenarios::SceneSet;
 use wire::cores::Cores;
 use wire::hub::{BarrierError, Hub, Minds, Seat};
@@ -42,6 +43,8 @@ pub struct Shared {
     pub beginnings: Beginnings,
     /// Who looks at each episode when it is stored.
     pub onlooker: Option<Onlooker>,
+    /// By which plans take effect, or did in the drives that are led by others.
+    pub trace: Option<Trace>,
     /// Where figures go, if nothing is driven: plans are asked for at frames of the log, and judged.
     pub frames: Option<Frames>,
     /// The bus; none where nobody is on it.
@@ -101,6 +104,7 @@ impl Shared {
             folder,
             beginnings: Beginnings::default(),
             onlooker: None,
+            trace: None,
             frames: None,
             hub,
             minds,

@@ -21,6 +21,7 @@ use super::calling;
 use super::clock::Clock;
 use super::core::{Drive, Event};
 use super::drive::{Driven, drive};
+use super::lag::Lag;
 use super::line::LineDriver;
 use super::process::Process;
 use super::ready::{Prepared, Ready};
@@ -261,8 +262,12 @@ impl Worker<'_> {
             Ok(driver) => driver,
             Err(reason) => return Some(self.unreadable(scene.id().as_str(), &reason)),
         };
+        let scene_id = scene.id().as_str();
+        let lag =
+            settings.latency.as_ref().map(|latency| Lag::new(latency, shared.trace.as_ref(), scene_id, lead.len()));
         driver.driver.lead_by(lead);
-        let Driven { outcome, recording, timing } = drive(episode, &mut driver, &shared.clock, &shared.stop)?;
+        let driven = drive(episode, &mut driver, lag, &shared.clock, &shared.stop)?;
+        let Driven { outcome, plans, recording, timing } = driven;
         let is_lost = driver.driver.recorder_is_lost;
         if let Some(number) = number.filter(|_| is_lost) {
             shared.missed_recorder.store(number.into(), Ordering::Relaxed);
@@ -290,6 +295,7 @@ impl Worker<'_> {
             recorded: record,
             recording_error,
             timing: Some(timing),
+            plans,
             ..Part::default()
         })
     }

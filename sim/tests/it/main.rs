@@ -95,6 +95,9 @@ fn help_says_what_can_be_typed() {
           --motion <MOTION>              How the AV follows its plan under `strict` [default: bicycle;
                                          playback for the driver `human`, and for it alone] [possible
                                          values: bicycle, playback]
+          --latency <HOW>                When plans take effect under `strict`: 80ms, measured,
+                                         trace:FILE, dist:normal:80ms:20ms, ... (docs/latency.md)
+                                         [default: at once]
       [PATH]...                          Scenes: WOMD TFRecord files, folders, globs, or scene-set TOML
                                          files [default: the built-in demo set]
 
@@ -184,6 +187,8 @@ fn help_says_what_can_be_typed() {
       -v, --verbose...       Say more on standard error; twice for everything
           --scenes           A row a scene, the worst first: how it ended, and what happened with whom
           --worst <N>        Only so many of the scenes
+          --plot <FILE>      Draw score against latency, a line a driver, of runs at several: an SVG
+                             file
       -h, --help             Print help (see more with '--help')
     --- stderr
     ");

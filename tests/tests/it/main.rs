@@ -7,6 +7,7 @@
 //! | `demo.rs` | one command, a table, a folder; finished runs and other runs' folders are left alone |
 //! | `repeat.rs` | same command, same bytes, for any number of workers |
 //! | `killed.rs` | a killed run is continued, and comes out as if it had not been |
+//! | `latency.rs` | plans that take effect late: the same bytes again, by their trace too; late and lost ones are counted |
 //! | `healed.rs` | a retried run, and one whose disk was full, come out as if nothing had happened; changed files are named |
 //! | `planner_command.rs` | a planner's command is one for a shell; what it says is logged |
 //! | `check_node.rs` | what is wrong with a node is found, and nothing else |
@@ -43,6 +44,7 @@ mod healed;
 mod hosts;
 mod interrupt;
 mod killed;
+mod latency;
 mod network;
 mod nodes;
 mod open_loop;
