@@ -3,6 +3,8 @@
 use std::fmt::Debug;
 use std::sync::Arc;
 
+use prost::Message as _;
+
 use world::observation::Briefing;
 use world::plan::{UncheckedPlan, UncheckedPrediction};
 use world::reference_line::ReferenceLine;
@@ -10,7 +12,7 @@ use world::reference_line::ReferenceLine;
 use crate::convert::{self, Message, MessageError, compact, decode, shown};
 use crate::envelope::{Content, Saying, Telling, open, seal};
 use crate::keys::{Address, Answering, NodeId, Place, Workers};
-use crate::proto;
+use crate::{proto, service};
 
 /// Any bytes as a `Scene`: see `message`.
 pub fn scene(bytes: &[u8]) {
@@ -119,6 +121,22 @@ pub fn admission(bytes: &[u8]) {
     if let Ok(word) = decode::<proto::Admission>(bytes) {
         assert!(!shown(&word.reason).chars().any(char::is_control));
     }
+}
+
+/// Any bytes as what a service is asked: what is read is read again as it is sent on.
+///
+/// # Panics
+/// If that does not hold.
+pub fn asked(bytes: &[u8]) {
+    if let Ok(what) = service::read(bytes) {
+        let sent = proto::service::Ask { what: Some(what.clone()) }.encode_to_vec();
+        assert_eq!(service::read(&sent), Ok(what));
+    }
+}
+
+/// Any bytes as what a service answers.
+pub fn replied(bytes: &[u8]) {
+    let _ = decode::<proto::service::Reply>(bytes);
 }
 
 fn envelope<C: Content + PartialEq + Debug>(bytes: &[u8]) -> Option<(C, &[u8])> {
