@@ -8,7 +8,8 @@ from reloop import messages
 
 PROTO = Path(__file__).parents[2] / "wire" / "proto" / "reloop.proto"
 RUST = PROTO.parents[1] / "src"
-HINT = "python -m reloop.messages wire/proto/reloop.proto"
+SERVICE = PROTO.with_name("service.proto")
+HINT = "python -m reloop.messages wire/proto/*.proto"
 
 
 def declared(text):
@@ -16,7 +17,7 @@ def declared(text):
     text = re.sub(r"//[^\n]*", "", text)
     found, path = {}, []
     for token in re.finditer(
-        r"(message|enum|oneof)\s+(\w+)\s*\{|(\})|(?:(optional|repeated)\s+)?(\w+)\s+(\w+)\s*=\s*(\d+)\s*;|(\w+)\s*=\s*(\d+)\s*;",
+        r"(message|enum|oneof)\s+(\w+)\s*\{|(\})|(?:(optional|repeated)\s+)?(?:\w+\.)*(\w+)\s+(\w+)\s*=\s*(\d+)\s*;|(\w+)\s*=\s*(\d+)\s*;",
         text,
     ):
         kind, name, closed, label, type_name, field, number, value, value_number = token.groups()
@@ -36,9 +37,9 @@ def declared(text):
     return found
 
 
-def built_in():
+def built_in(name):
     """The same of the descriptors that the package holds."""
-    (file,) = messages.descriptor_set().file
+    (file,) = messages.descriptor_set(name).file
     names = {
         1: "double",
         3: "int64",
@@ -81,19 +82,24 @@ class MessagesTest(unittest.TestCase):
     maxDiff = None
 
     def test_each_field_has_the_number_type_and_label_of_the_proto(self):
-        self.assertEqual(built_in(), declared(PROTO.read_text()), f"write them anew: {HINT}")
+        for proto in (PROTO, SERVICE):
+            self.assertEqual(built_in(proto.stem), declared(proto.read_text()), f"write them anew: {HINT}")
 
     def test_the_descriptors_are_what_protoc_makes(self):
-        try:
-            made = messages.compiled(str(PROTO))
-        except ImportError:
-            self.skipTest("no grpcio-tools: pip install './python[test]'")
-        self.assertEqual(messages.descriptor_set(), made, f"write them anew: {HINT}")
+        for proto in (PROTO, SERVICE):
+            try:
+                made = messages.compiled(str(proto))
+            except ImportError:
+                self.skipTest("no grpcio-tools: pip install './python[test]'")
+            self.assertEqual(messages.descriptor_set(proto.stem), made, f"write them anew: {HINT}")
 
     def test_the_version_is_the_sims(self):
         text = (RUST / "lib.rs").read_text()
         (version,) = re.findall(r"WIRE_VERSION: u32 = (\d+);", text)
         self.assertEqual(messages.WIRE_VERSION, int(version))
+        text = (RUST / "keys" / "service.rs").read_text()
+        (version,) = re.findall(r"SERVICE_VERSION: u32 = (\d+);", text)
+        self.assertEqual(messages.SERVICE_VERSION, int(version))
 
 
 if __name__ == "__main__":

@@ -194,8 +194,7 @@ impl Folder {
     }
 
     fn part_path(&self, scene: &str) -> PathBuf {
-        // A suffix of its own: a scene may be called `x.partial`, as an unfinished part of the scene `x` would be.
-        self.file("parts").join(format!("{scene}.part"))
+        part_path(&self.path, scene)
     }
 
     /// The finished episode of `scene`, if there is one. A part that cannot be read is no part.
@@ -235,6 +234,11 @@ impl Folder {
     }
 }
 
+fn part_path(folder: &Path, scene: &str) -> PathBuf {
+    // A suffix of its own: a scene may be called `x.partial`, as an unfinished part of the scene `x` would be.
+    folder.join("parts").join(format!("{scene}.part"))
+}
+
 /// What differs between the run that is there and `file`. Scenes that were not read yet are, if nothing else does; one that could not be
 /// read there may be whole by now.
 fn differences(there: &RunFile, file: &RunFile, hashes: Hashes<'_>) -> Vec<String> {
@@ -248,6 +252,31 @@ fn differences(there: &RunFile, file: &RunFile, hashes: Hashes<'_>) -> Vec<Strin
     }
     let now = hashes().into_iter().zip(read()).map(|(now, then)| if then.is_empty() { then } else { now });
     there.differences(&file.with_hashes(now))
+}
+
+/// Whether a sim works in `folder` now.
+#[must_use]
+pub fn is_busy(folder: &Path) -> bool {
+    // Opened, not made: who looks leaves nothing.
+    let lock = File::open(folder.join(".lock"));
+    lock.is_ok_and(|lock| matches!(lock.try_lock_shared(), Err(fs::TryLockError::WouldBlock)))
+}
+
+/// The scenes of the run in `folder` whose episodes are stored, while it is not complete.
+#[must_use]
+pub fn scenes_of_parts(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder.join("parts")).into_iter().flatten();
+    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let mut scenes: Vec<String> = names.filter_map(|name| Some(name.strip_suffix(".part")?.to_owned())).collect();
+    scenes.sort();
+    scenes
+}
+
+/// The finished episode of `scene` in `folder`, while the run is not complete. A part that cannot be read is no part.
+#[must_use]
+pub fn part_of(folder: &Path, scene: &str) -> Option<Part> {
+    let bytes = files::read(&part_path(folder, scene)).ok()??;
+    Part::from_bytes(&bytes, scene)
 }
 
 /// Removes what a run left in `folder` that ended before its first episode did. Whatever else is there stays, and so does the
@@ -401,6 +430,8 @@ mod tests {
             assert_eq!(folder.part("a").unwrap(), None, "byte {at}");
             bytes[at] ^= 0x10;
         }
+        assert_eq!(scenes_of_parts(root.path()), ["a"]);
+        assert_eq!((part_of(root.path(), "a"), part_of(root.path(), "b")), (None, None));
         assert_eq!(folder.part("never driven").unwrap(), None);
         assert!(!folder.has_damaged_part("never driven"));
     }
@@ -423,7 +454,9 @@ mod tests {
         let path = root.path().join("run");
         let _held = Folder::open(&path, &run_file()).unwrap();
         assert!(matches!(Folder::open(&path, &run_file()), Err(FolderError::Busy(_))));
+        assert!(is_busy(&path));
         drop(_held);
+        assert!(!is_busy(&path) && !is_busy(&root.path().join("nowhere")));
         assert!(matches!(Folder::open(&path, &patient(1.0)), Err(FolderError::OtherRun { .. })));
         let diary = root.path().join("diary");
         fs::create_dir(&diary).unwrap();

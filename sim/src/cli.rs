@@ -7,11 +7,13 @@
 //! | `again` | what drives finished runs again |
 //! | `reading` | what reads finished runs |
 //! | `pictures` | what draws them |
+//! | `service` | what is a service, and what asks one |
 
 mod again;
 mod check;
 mod pictures;
 mod reading;
+mod service;
 
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -29,6 +31,7 @@ pub use again::{BlameArgs, ForkArgs, ReplayArgs};
 pub use check::{CheckFormat, CheckNodeArgs};
 pub use pictures::{PictureStep, RenderArgs, Size};
 pub use reading::{CompareArgs, PredictionsArgs, ReportArgs, ScoreArgs, TableArgs, ValidityArgs};
+pub use service::{CancelArgs, ServeArgs, ServiceArgs, SessionArgs, SettingsArgs, StatusArgs, SubmitArgs, WatchArgs};
 
 /// Drives an autonomous vehicle through logged traffic in closed loop, and tells how well it drove.
 #[derive(Debug, Parser)]
@@ -98,6 +101,23 @@ pub enum Command {
     /// Drives short scenes with it, twice and in other orders; tells it odd scenes and what cannot be read; kills it, ends its input, takes its seat. A line a
     /// rule: it holds, is in doubt, or is broken, with what was seen. Exits with 1 when one is broken. docs/check-node.md has a page of them.
     CheckNode(CheckNodeArgs),
+    /// Drive what others ask for: runs in a fair queue, and sessions step by step
+    ///
+    /// Runs are folders, as those of `sim run`; when the service is started again it goes on where it was, even after a power cut. Clients ask with `sim submit`, `status`, `watch`, `cancel`
+    /// and `session`, or from Python. docs/serve.md tells of it, and of who may ask.
+    Serve(ServeArgs),
+    /// Have a service drive a run
+    Submit(Box<SubmitArgs>),
+    /// Say how the runs of a service are, or what it offers
+    Status(StatusArgs),
+    /// Show how a run of a service goes, and its table at the end
+    Watch(WatchArgs),
+    /// Stop runs of a service
+    Cancel(CancelArgs),
+    /// Drive one scene of a service step by step, and let another driver take over
+    ///
+    /// Commands are read from standard input: `step 10`, `run`, `state`, `plan`, `fork 40 idm`, `use s1`, `close`, `help`. Ctrl-C pauses a drive.
+    Session(Box<SessionArgs>),
     /// Hold the protocol `paper` to vectors of the authors' simulator
     ///
     /// Drives the episodes that the folder holds and prints the worst deviation of each quantity beside its tolerance. Exits with
@@ -116,6 +136,7 @@ impl Command {
             Self::Replay(arguments) => !arguments.in_process && (arguments.live || arguments.from.is_some()),
             Self::Blame(arguments) => !arguments.in_process,
             Self::CheckNode(_) => true,
+            Self::Serve(_) => true,
             _ => false,
         }
     }
@@ -240,6 +261,10 @@ pub struct RunArgs {
     /// Say on standard error where the time went
     #[arg(long, help_heading = "How to run")]
     pub timing: bool,
+
+    /// Stop when standard input ends, as at Ctrl-C: whoever started this is gone
+    #[arg(long, hide = true)]
+    pub exit_with_parent: bool,
 }
 
 impl RunArgs {
@@ -276,6 +301,7 @@ impl RunArgs {
             planner_certificate: Vec::new(),
             timing: false,
             view: false,
+            exit_with_parent: false,
         }
     }
 }

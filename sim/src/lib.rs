@@ -11,6 +11,7 @@
 //! | [`predictions`] | the predictions of recorded episodes, scored |
 //! | [`replay`] | recorded episodes driven again |
 //! | [`report`], [`render`] | finished runs as a page, drives as pictures and clips |
+//! | [`serve`], [`client`] | a service that drives what others ask for, and who asks it |
 //! | [`run`] | many episodes: workers, nodes, the bus, interrupts |
 //! | [`evaluate`] | drivers side by side on frames of the log |
 //! | [`verify`](mod@verify) | the protocol `paper` beside the authors' own numbers |
@@ -20,6 +21,7 @@
 pub mod blame;
 pub mod check;
 pub mod cli;
+pub mod client;
 pub mod entrants;
 pub mod evaluate;
 pub mod matrix;
@@ -29,5 +31,6 @@ pub mod replay;
 pub mod report;
 pub mod request;
 pub mod run;
+pub mod serve;
 pub mod side_by_side;
 pub mod verify;

@@ -19,9 +19,12 @@ use evaluation::validity;
 use results::files;
 use results::summary::{Summary, SummaryError};
 use sim::cli::{
-    BlameArgs, CheckFormat, CheckNodeArgs, Cli, Command, CompareArgs, EvaluateArgs, MatrixArgs, PredictionsArgs,
-    RenderArgs, ReplayArgs, ReportArgs, RunArgs, ScoreArgs, TableArgs, ValidityArgs, VerifyArgs,
+    BlameArgs, CancelArgs, CheckFormat, CheckNodeArgs, Cli, Command, CompareArgs, EvaluateArgs, MatrixArgs,
+    PredictionsArgs, RenderArgs, ReplayArgs, ReportArgs, RunArgs, ScoreArgs, ServeArgs, SessionArgs, StatusArgs,
+    SubmitArgs, TableArgs, ValidityArgs, VerifyArgs, WatchArgs,
 };
+use sim::client::watch::Watched;
+use sim::client::{self, Service};
 use sim::evaluate::request::Evaluation;
 use sim::matrix;
 use sim::predictions;
@@ -63,6 +66,12 @@ fn main() -> ExitCode {
         Command::Report(arguments) => write_report(&arguments, &console),
         Command::Render(arguments) => draw(&arguments, clock, &console),
         Command::CheckNode(arguments) => check_node(&arguments, &console),
+        Command::Serve(arguments) => serve(&arguments, clock, &console),
+        Command::Submit(arguments) => submit(*arguments, &console),
+        Command::Status(arguments) => print_status(&arguments),
+        Command::Watch(arguments) => watch(&arguments, &console),
+        Command::Cancel(arguments) => cancel(&arguments, &console),
+        Command::Session(arguments) => hold_session(&arguments, &console),
         Command::Verify(arguments) => print_verdict(&arguments),
     };
     match done {
@@ -91,8 +100,12 @@ fn log_to(console: &Console, verbose: u8, quiet: &str) {
 }
 
 fn drive(arguments: RunArgs, clock: WallClock, console: &Console) -> anyhow::Result<ExitCode> {
+    let leaves = arguments.exit_with_parent;
     let request = Request::resolve(arguments, cores())?;
     let interrupts = Interrupts::catch()?;
+    if leaves {
+        interrupts.leave_with_standard_input();
+    }
     let done = run::run(&request, clock, console, &interrupts)?;
     let code = print_run(&done.folder)?;
     if request.timing {
@@ -327,6 +340,58 @@ fn check_node(arguments: &CheckNodeArgs, console: &Console) -> anyhow::Result<Ex
         CheckFormat::Json => report.json()?,
     })?;
     Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// Serves until somebody stops it; that is no failure.
+fn serve(arguments: &ServeArgs, clock: WallClock, console: &Console) -> anyhow::Result<ExitCode> {
+    sim::serve::serve(arguments, cores(), clock, console)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Submits a run and prints its name.
+fn submit(arguments: SubmitArgs, console: &Console) -> anyhow::Result<ExitCode> {
+    let run = client::submit(&arguments, &mut Service::new(&arguments.service)?)?;
+    terminal::say(&format!("{}\n", run.name))?;
+    if !arguments.watch {
+        return Ok(ExitCode::SUCCESS);
+    }
+    let service = arguments.service;
+    watch(&WatchArgs { run: run.name, ends: false, format: TableFormat::Text, service }, console)
+}
+
+fn print_status(arguments: &StatusArgs) -> anyhow::Result<ExitCode> {
+    terminal::say(&client::status::status(arguments, &mut Service::new(&arguments.service)?)?)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Shows how a run goes, and its table at the end. Exits as `sim run` would.
+fn watch(arguments: &WatchArgs, console: &Console) -> anyhow::Result<ExitCode> {
+    let Watched { run, table } =
+        client::watch::watch(arguments, width(), &mut Service::new(&arguments.service)?, console)?;
+    let Some(table) = table else {
+        let state = client::status::state_name(run.state());
+        console
+            .line(&format!("{} is {state}, with {} of {} episodes: {}", run.name, run.done, run.episodes, run.detail));
+        return Ok(ExitCode::from(2));
+    };
+    terminal::say(&table)?;
+    if arguments.format == TableFormat::Text {
+        terminal::say(&format!("\nrun {}\ndigest {}\n", run.name, run.digest))?;
+    }
+    Ok(if run.failed > 0 { ExitCode::from(1) } else { ExitCode::SUCCESS })
+}
+
+fn cancel(arguments: &CancelArgs, console: &Console) -> anyhow::Result<ExitCode> {
+    for run in client::cancel(arguments, &mut Service::new(&arguments.service)?)? {
+        let state = client::status::state_name(run.state());
+        console.line(&format!("{} is {state}, with {} of {} episodes", run.name, run.done, run.episodes));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn hold_session(arguments: &SessionArgs, console: &Console) -> anyhow::Result<ExitCode> {
+    client::session::session(arguments, &mut Service::new(&arguments.service)?, console)?;
+    Ok(ExitCode::SUCCESS)
 }
 
 fn print_verdict(arguments: &VerifyArgs) -> anyhow::Result<ExitCode> {

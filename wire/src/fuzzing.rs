@@ -3,6 +3,8 @@
 use std::fmt::Debug;
 use std::sync::Arc;
 
+use prost::Message as _;
+
 use world::observation::Briefing;
 use world::plan::{UncheckedPlan, UncheckedPrediction};
 use world::reference_line::ReferenceLine;
@@ -10,8 +12,8 @@ use world::reference_line::ReferenceLine;
 use crate::convert::{self, Message, MessageError, compact, decode, shown};
 use crate::envelope::{Content, Saying, Telling, open, seal};
 use crate::keys::{Address, Answering, NodeId, Place, Workers};
-use crate::proto;
 use crate::session::ZenohFile;
+use crate::{proto, service};
 
 /// Any bytes as a `Scene`: see `message`.
 pub fn scene(bytes: &[u8]) {
@@ -127,6 +129,22 @@ pub fn zenoh_config(bytes: &[u8]) {
     if let Ok(text) = std::str::from_utf8(bytes) {
         let _ = ZenohFile::parse("/mine.json5".into(), text).map_err(|error| error.to_string());
     }
+}
+
+/// Any bytes as what a service is asked: what is read is read again as it is sent on.
+///
+/// # Panics
+/// If that does not hold.
+pub fn asked(bytes: &[u8]) {
+    if let Ok(what) = service::read(bytes) {
+        let sent = proto::service::Ask { what: Some(what.clone()) }.encode_to_vec();
+        assert_eq!(service::read(&sent), Ok(what));
+    }
+}
+
+/// Any bytes as what a service answers.
+pub fn replied(bytes: &[u8]) {
+    let _ = decode::<proto::service::Reply>(bytes);
 }
 
 fn envelope<C: Content + PartialEq + Debug>(bytes: &[u8]) -> Option<(C, &[u8])> {

@@ -36,6 +36,7 @@
 //! | [`session`] | bus sessions: the simulator's router, the nodes' clients |
 //! | [`hub`] | the simulator's side: barrier, watch over nodes, a line for each episode |
 //! | [`node`] | the nodes' side: what a planner or predictor implements, and how it is served |
+//! | [`service`] | runs and sessions that are asked for from afar: both ends of a service |
 
 pub mod convert;
 pub mod cores;
@@ -48,6 +49,7 @@ pub mod keys;
 pub mod node;
 pub mod proto;
 pub mod pulse;
+pub mod service;
 pub mod session;
 
 /// The version of messages, keys and their order. A node of another version is refused; raise it with every change that an
@@ -56,6 +58,9 @@ pub const WIRE_VERSION: u32 = 3;
 
 /// `proto/reloop.proto`, compiled: the schema of every message, as recordings carry it (a serialized `FileDescriptorSet`).
 pub const FILE_DESCRIPTOR_SET: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/descriptors.bin"));
+
+/// `proto/service.proto`, compiled, without the messages of the bus that it uses.
+pub const SERVICE_DESCRIPTOR_SET: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/service.bin"));
 
 #[cfg(test)]
 mod tests {

@@ -4,3 +4,8 @@
 #![allow(clippy::doc_markdown, reason = "the comments are written for every language's readers")]
 
 include!(concat!(env!("OUT_DIR"), "/reloop.v1.rs"));
+
+/// What a service is asked and answers, made from `proto/service.proto`.
+pub mod service {
+    include!(concat!(env!("OUT_DIR"), "/service/reloop.service.v1.rs"));
+}

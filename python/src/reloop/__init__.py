@@ -1,4 +1,4 @@
-"""reloop in Python: planners and predictors on its bus, its results and its recordings.
+"""reloop in Python: planners and predictors on its bus, its results and recordings, and a service that drives.
 
 A planner::
 
@@ -13,7 +13,8 @@ A planner::
 
     reloop.serve(mine)
 
-It is started by ``sim run --planner-command "python mine.py"``. The guide is ``docs/python.md``.
+It is started by ``sim run --planner-command "python mine.py"``. The guide is ``docs/python.md``;
+``docs/serve.md`` tells of ``reloop.Service``.
 
 SI units, radians, the log's frame, heading counter-clockwise from +x.
 """
@@ -21,7 +22,7 @@ SI units, radians, the log's frame, heading counter-clockwise from +x.
 from __future__ import annotations
 
 from .connection import Stop
-from .errors import AnswerError, NodeError, ReadError, ReloopError
+from .errors import AnswerError, NodeError, ReadError, ReloopError, ServiceError
 from .messages import WIRE_VERSION
 from .nodes import Planner, Predictor, planner, predictor
 from .options import Options
@@ -30,6 +31,8 @@ from .prediction import Future, Prediction
 from .recordings import Episode, RecordedStep, episode
 from .runs import Results, results
 from .serve import join, serve
+from .service import End, Offer, Run, Service
+from .session import Session
 from .views.agents import AgentKind, Agents
 from .views.history import History, Moment
 from .views.line import Line, Window
@@ -47,6 +50,7 @@ __all__ = [
     "Agents",
     "AnswerError",
     "Control",
+    "End",
     "Episode",
     "Future",
     "History",
@@ -54,6 +58,7 @@ __all__ = [
     "Map",
     "Moment",
     "NodeError",
+    "Offer",
     "Options",
     "Plan",
     "Planner",
@@ -63,7 +68,11 @@ __all__ = [
     "RecordedStep",
     "ReloopError",
     "Results",
+    "Run",
     "Scene",
+    "Service",
+    "ServiceError",
+    "Session",
     "SignalState",
     "Signals",
     "State",

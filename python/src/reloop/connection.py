@@ -18,7 +18,7 @@ from . import messages
 from .errors import NodeError
 from .keys import Place, answer, worker_of
 from .options import Options
-from .session import open_session
+from .bus_session import open_session
 
 #: How long a node waits for the run to show itself, and to be let in (s).
 RUN_TIMEOUT = 10.0

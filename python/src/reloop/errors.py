@@ -15,3 +15,7 @@ class AnswerError(ReloopError):
 
 class ReadError(ReloopError):
     """A run's folder or a recording that cannot be read."""
+
+
+class ServiceError(ReloopError):
+    """A service refuses, and says why; or there is none."""

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 from .errors import NodeError
-from .messages import WIRE_VERSION
+from .messages import SERVICE_VERSION, WIRE_VERSION
 
 _PART = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,127}")
 
@@ -76,3 +76,11 @@ def worker_of(told: str) -> str:
 def answer(told: str, channel: str, session: str) -> str:
     """Where to answer what came under the key ``told``: ``channel`` is ``plan`` or ``prediction``."""
     return f"{told.removesuffix('told')}{channel}/{session}"
+
+
+def service_key(secret: str) -> str:
+    """The key under which a service is asked.
+
+    Raises ``NodeError`` where the secret cannot be part of a key.
+    """
+    return f"reloop/@service-{checked('secret', secret)}/{SERVICE_VERSION}/ask"

@@ -85,8 +85,13 @@ class Results:
             frame = pandas.read_parquet(path)
         except (OSError, pyarrow.ArrowException) as error:
             raise ReadError(f"{path} cannot be read: {error}") from error
-        frame.attrs["units"] = {column: unit for column in frame.columns if (unit := unit_of(column))}
-        return frame
+        return with_units(frame)
+
+
+def with_units(frame: pandas.DataFrame) -> pandas.DataFrame:
+    """The same frame; ``attrs["units"]`` has the units by column."""
+    frame.attrs["units"] = {column: unit for column in frame.columns if (unit := unit_of(column))}
+    return frame
 
 
 def unit_of(column: str) -> str:

@@ -1,114 +1,140 @@
-"""Opening the bus session of a node, and why there is none."""
+"""A session of a service: one scene, driven step by step, to see what a planner does and why."""
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
+from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
-import zenoh
+from . import messages
+from .views.agents import Agents, agents
+from .views.scene import Scene
+from .views.state import State, state
 
-from .errors import NodeError
-from .options import Options
-
-#: How long a node tries to reach the sim (s).
-_CONNECT_TIMEOUT = 5.0
-#: How long either side may give no sign of life (ms): a month, which is to say for ever. A death is seen by the closed
-#: connection; who is silent and not dead was paused.
-_LEASE = 30 * 24 * 3600 * 1000
-#: Fields of ``transport/link/tls`` that name files.
-_FILES = (
-    "root_ca_certificate",
-    "listen_private_key",
-    "listen_certificate",
-    "connect_private_key",
-    "connect_certificate",
-)
-_OTHER_AUTHORITY = (
-    "it does not know the authority of this node's certificate\n"
-    "  hint: take a certificate of the sim's own authority; that is connect_certificate of --zenoh-config"
-)
-_OTHER_SIM = (
-    "the authority of its certificate is not known to this node\n"
-    "  hint: that is root_ca_certificate of --zenoh-config; if it is right, somebody else listens there"
-)
-#: What Zenoh says, and what it means.
-_MEANINGS = {
-    "CertificateRequired": "it lets in nobody without a certificate\n"
-    "  hint: give this node one by --zenoh-config FILE (docs/hosts.md)",
-    "alert: UnknownCA": _OTHER_AUTHORITY,
-    # An authority of the same name, and another key.
-    "alert: DecryptError": _OTHER_AUTHORITY,
-    "alert: CertificateExpired": "this node's certificate has expired\n"
-    "  hint: take a new one; that is connect_certificate of --zenoh-config",
-    "certificate: UnknownIssuer": _OTHER_SIM,
-    "certificate: BadSignature": _OTHER_SIM,
-    "not valid for name": "its certificate is not for this name\n"
-    "  hint: name it as its certificate does, --endpoint tls/NAME:PORT",
-    "early eof": "it hung up\n  hint: does it speak TLS? Then it is --endpoint tls/NAME:PORT, with a --zenoh-config",
-}
+#: The most steps that one question asks for.
+_MANY = 1_000_000
 
 
-def open_session(options: Options) -> zenoh.Session:
-    """A client session of the sim's router.
+class Session:
+    """A session. ``with service.open("demo-curve", "idm") as session: session.step(10)``.
 
-    Raises ``NodeError`` where there is none, or the Zenoh configuration cannot be used.
+    Nothing is driven unless it is asked for. One that nobody asks anything for a while is closed by the service.
     """
-    settings = {
-        "mode": "client",
-        "connect/endpoints": [options.endpoint],
-        "connect/timeout_ms": int(_CONNECT_TIMEOUT * 1000),
-        "connect/exit_on_failure": True,
-        "listen/endpoints": [],
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "timestamping/enabled": False,
-        "transport/link/tx/lease": _LEASE,
-        # As long for a sim that takes nothing, because it is paused (µs).
-        "transport/link/tx/queue/congestion_control/block/wait_before_close": _LEASE * 1000,
-    }
-    try:
-        return zenoh.open(_config(options, settings))
-    except zenoh.ZError as error:
-        said = _reason(error)
-    # A client says no more than that it gave up. A peer that tries once and listens nowhere says why.
-    try:
-        zenoh.open(_config(options, settings | {"mode": "peer", "connect/timeout_ms": 0})).close()  # type: ignore[no-untyped-call]
-    except zenoh.ZError as error:
-        said = _reason(error)
-    meaning = next((meaning for what, meaning in _MEANINGS.items() if what in said), None)
-    hint = "\n  hint: is the run still on? `sim run -v` names its endpoint in its log"
-    raise NodeError(f"cannot reach a sim at {options.endpoint}: {meaning or said + hint}")
 
+    def __init__(self, ask: Callable[..., Any], opened: Any) -> None:
+        self._ask = ask
+        self._now = opened
+        self._opened = opened
+        #: Each step that was driven here, as messages ``StepRecord``, and what happened, as messages ``Event``.
+        self.records: list[Any] = []
+        self.events: list[Any] = []
 
-def _config(options: Options, settings: dict[str, Any]) -> zenoh.Config:
-    config = zenoh.Config() if options.zenoh_config is None else _users(Path(options.zenoh_config))
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
+    def __repr__(self) -> str:
+        return f"Session({self.id!r}, {self.driver!r} in {self._now.scene!r}, step {self.number})"
 
+    def __enter__(self) -> Session:
+        return self
 
-def _users(path: Path) -> zenoh.Config:
-    """The user's own configuration; names of files in it are looked for beside it."""
-    # A value may be a secret: what Zenoh shows of one is left out.
-    try:
-        config = zenoh.Config.from_file(str(path))
-    except zenoh.ZError as error:
-        raise NodeError(f"{path}: {_reason(error).split('string ', 1)[0]}\n  hint: docs/hosts.md has examples") from None
-    for field in _FILES:
-        key = f"transport/link/tls/{field}"
-        name = json.loads(config.get_json(key))
-        if name is None:
-            continue
-        file = path.resolve().parent / name
-        if not file.is_file():
-            raise NodeError(f"{path}: {key}: there is no file {file}")
-        config.insert_json5(key, json.dumps(str(file)))
-    return config
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
+    @property
+    def id(self) -> str:
+        """The session's name."""
+        return str(self._now.session)
 
-def _reason(error: Exception) -> str:
-    """What the transport says, without the line of its source that it ends with."""
-    text = str(error)
-    end = text.find(" at /")
-    return text[:end] if end >= 0 and ".rs:" in text[end:] else text
+    @property
+    def driver(self) -> str:
+        """Who drives."""
+        return str(self._now.driver)
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene, as its driver was told it."""
+        return Scene(self._opened.briefing)
+
+    @property
+    def number(self) -> int:
+        """The step that comes next, from 0."""
+        return int(self._now.step)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the episode has ended."""
+        return bool(self._now.HasField("end"))
+
+    @property
+    def end(self) -> Any:
+        """How it ended: the message ``EpisodeEnd``, None before that."""
+        return self._now.end if self.is_over else None
+
+    @property
+    def metrics(self) -> dict[str, float | None]:
+        """The metrics of an episode that is over, by name; None where one is not defined."""
+        return {each.name: each.value if each.HasField("value") else None for each in self._now.end.metrics}
+
+    @property
+    def av(self) -> State | None:
+        """The AV, before the next step; None once the episode is over."""
+        return state(self._now.observation.av) if self._now.HasField("observation") else None
+
+    @property
+    def agents(self) -> Agents:
+        """All others that are seen now."""
+        return agents(self._now.observation.agents)
+
+    @property
+    def plan(self) -> Any:
+        """The plan that was driven last: the message ``Plan``; None before the first."""
+        return self._now.plan if self._now.HasField("plan") else None
+
+    @property
+    def prediction(self) -> Any:
+        """What was predicted for it: the message ``Prediction``; None where nobody predicts."""
+        return self._now.prediction if self._now.HasField("prediction") else None
+
+    def step(self, steps: int = 1) -> Session:
+        """Drives so many steps, or to the end of the episode. An interrupt, Ctrl-C, pauses between two questions.
+
+        Raises ``ServiceError`` where the session is closed.
+        """
+        while steps > 0 and not self.is_over:
+            self._hear(self._ask(step=messages.service("Step")(session=self.id, steps=steps)).session)
+            steps -= self._driven
+        return self
+
+    def run(self) -> Session:
+        """Drives to the end."""
+        return self.step(_MANY)
+
+    def look(self) -> Session:
+        """Asks where the session is, and drives nothing."""
+        self._hear(self._ask(step=messages.service("Step")(session=self.id, steps=0)).session)
+        return self
+
+    def fork(self, step: int, driver: str, **settings: Any) -> Session:
+        """Another session, in which ``driver`` takes over at ``step``; what was driven here leads up to it.
+
+        ``settings`` are those of ``Service.submit``, as far as they say who drives: scenes and rules stay.
+        """
+        from .service import settings_message
+
+        asked = messages.service("Fork")(
+            session=self.id, step=step, settings=settings_message(driver=driver, **settings)
+        )
+        return Session(self._ask, self._ask(fork=asked).session)
+
+    def close(self) -> None:
+        """Closes it. One that is gone is closed."""
+        from .errors import ServiceError
+
+        try:
+            self._ask(close=messages.service("Close")(session=self.id))
+        except ServiceError:
+            pass
+
+    def _hear(self, told: Any) -> None:
+        self._now = told
+        self._driven = len(told.records)
+        self.records.extend(told.records)
+        self.events.extend(told.events)

@@ -11,6 +11,8 @@ pub struct Console {
     bar: ProgressBar,
     /// The bar is of more than one run.
     is_shared: bool,
+    /// Nothing is written.
+    is_silent: bool,
 }
 
 impl Default for Console {
@@ -23,7 +25,17 @@ impl Console {
     /// A console without a bar yet.
     #[must_use]
     pub fn new() -> Self {
-        Self { bar: ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden()), is_shared: false }
+        Self {
+            bar: ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden()),
+            is_shared: false,
+            is_silent: false,
+        }
+    }
+
+    /// A console that shows nothing, for what is kept elsewhere.
+    #[must_use]
+    pub fn silent() -> Self {
+        Self { is_silent: true, ..Self::new() }
     }
 
     /// The same console for one run of several that share a bar, which tells what runs.
@@ -73,6 +85,9 @@ impl Console {
 
     /// Writes a line. A closed standard error is no error: there is nobody to tell.
     pub fn line(&self, text: &str) {
+        if self.is_silent {
+            return;
+        }
         self.bar.suspend(|| {
             let _ = writeln!(io::stderr(), "{text}");
         });

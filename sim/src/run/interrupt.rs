@@ -1,15 +1,19 @@
 //! Ctrl-C and SIGTERM: the first asks the run to stop, the second ends everything at once.
 
-use std::process;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::SyncSender;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use std::{io, process, thread};
 
 use super::core::Event;
 use super::process::Groups;
 
 /// The exit code of an interrupted program.
 pub const INTERRUPTED: i32 = 130;
+
+/// How long a run may take to leave when whoever started it is gone.
+const GRACE: Duration = Duration::from_secs(10);
 
 /// What the signal's thread and the run share.
 #[derive(Clone, Default)]
@@ -34,6 +38,18 @@ impl Interrupts {
         let caught = interrupts.clone();
         ctrlc::set_handler(move || caught.press())?;
         Ok(interrupts)
+    }
+
+    /// From here on the end of standard input is as good as Ctrl-C: whoever started this program is gone, or wants it to leave.
+    pub fn leave_with_standard_input(&self) {
+        let interrupts = self.clone();
+        thread::spawn(move || {
+            // Nothing is ever written there.
+            let _ = io::copy(&mut io::stdin().lock(), &mut io::sink());
+            interrupts.press();
+            thread::sleep(GRACE);
+            interrupts.press();
+        });
     }
 
     /// Whom to tell. When nobody listens any more there is nothing to stop, and the program ends.

@@ -16,6 +16,7 @@
 //! | [`in_process`] | drivers that are in this process |
 //! | [`beginning`] | episodes that are not their driver's from the first step on |
 //! | [`frames`] | no drive at all: plans at frames of the log, to be judged |
+//! | [`one`] | one episode, for who has it in hand |
 //! | [`ready`] | the next scene, made ready while others are driven |
 //! | [`view`] | a viewer that shows the run while it is driven |
 //! | [`scene_index`] | where nodes that read the log find the scenes |
@@ -78,6 +79,7 @@ pub mod in_process;
 pub mod interrupt;
 pub mod lag;
 pub mod line;
+pub mod one;
 pub mod process;
 pub mod progress;
 pub mod raised;

@@ -78,7 +78,7 @@ pub struct Process {
     /// The threads that hear what it says.
     ears: Vec<JoinHandle<()>>,
     /// How it ended, once it has.
-    ended: Option<String>,
+    ended: Option<ExitStatus>,
 }
 
 impl Process {
@@ -115,23 +115,33 @@ impl Process {
         if self.ended.is_none() {
             let status = self.child.try_wait().ok().flatten()?;
             self.end_group();
-            let how = describe(status);
             // Whoever was asked to leave does so in peace.
             if self.child.stdin.is_some() {
-                self.voice.note(&format!("{} {how}", self.name));
+                self.voice.note(&format!("{} {}", self.name, describe(status)));
             }
-            self.ended = Some(how);
+            self.ended = Some(status);
         }
-        self.ended.clone()
+        self.ended.map(describe)
+    }
+
+    /// Its exit code, once it has ended; none where a signal ended it.
+    #[must_use]
+    pub fn exit_code(&self) -> Option<i32> {
+        self.ended?.code()
     }
 
     /// What it raised last, if it said so. Of one that is gone all is heard first, within `patience`.
     pub fn raised(&mut self, patience: Duration) -> Option<String> {
+        self.hear_out(patience);
+        self.voice.raised()
+    }
+
+    /// If it is gone, waits until all that it said was heard, at most `patience`.
+    pub fn hear_out(&mut self, patience: Duration) {
         let until = Instant::now() + patience;
         while self.gone().is_some() && self.ears.iter().any(|ear| !ear.is_finished()) && Instant::now() < until {
             thread::sleep(Duration::from_millis(2));
         }
-        self.voice.raised()
     }
 
     /// Kills the group once: when its head was waited for and nobody is left in it, its number may be given away.

@@ -47,15 +47,7 @@ pub fn work(number: usize, shared: &Arc<Shared>, orders: &Receiver<Order>, event
     {
         tracing::warn!("worker {number} is on no core of its own: {error}");
     }
-    let mut worker = Worker {
-        number,
-        name: WorkerName::numbered(number),
-        shared,
-        nodes: Vec::new(),
-        seats: None,
-        starts: 0,
-        missed: None,
-    };
+    let mut worker = Worker::new(number, shared);
     while let Ok(order) = orders.recv() {
         let event = match order {
             Order::StartNodes => match worker.start_nodes() {
@@ -96,6 +88,21 @@ pub(super) struct Worker<'a> {
 struct Seats {
     planner: Arc<Seat>,
     predictor: Option<Seat>,
+}
+
+impl<'a> Worker<'a> {
+    /// A worker without nodes yet.
+    pub(super) fn new(number: usize, shared: &'a Shared) -> Self {
+        Self {
+            number,
+            name: WorkerName::numbered(number),
+            shared,
+            nodes: Vec::new(),
+            seats: None,
+            starts: 0,
+            missed: None,
+        }
+    }
 }
 
 impl Worker<'_> {

@@ -48,6 +48,12 @@ fn help_says_what_can_be_typed() {
       render       Draw a drive from above: a picture of a step, or a clip
       check-node   Check a planner or predictor of your own against the rules of the bus, and say what
                    to do
+      serve        Drive what others ask for: runs in a fair queue, and sessions step by step
+      submit       Have a service drive a run
+      status       Say how the runs of a service are, or what it offers
+      watch        Show how a run of a service goes, and its table at the end
+      cancel       Stop runs of a service
+      session      Drive one scene of a service step by step, and let another driver take over
       verify       Hold the protocol `paper` to vectors of the authors' simulator
       help         Print this message or the help of the given subcommand(s)
 

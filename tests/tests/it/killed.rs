@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use crate::stage::{Stage, assert_same};
 
 /// Numbers between 0 and 1 without rhyme, the same every time (splitmix64).
-struct Moments(u64);
+pub struct Moments(pub u64);
 
 impl Iterator for Moments {
     type Item = f64;

@@ -30,6 +30,7 @@
 //! | `paper.rs` | under `paper` the nodes get the authors' numbers |
 //! | `real_scenes.rs` | real scenes come to a result, where they are at hand |
 //! | `scenes.rs` | damaged scenes cost their own episodes, replaced ones are noticed; nodes find packed ones |
+//! | `serve.rs` | a service drives what is asked for, in turns, whatever kills it; sessions come to what runs come to |
 //! | `stage.rs`, `recording.rs` | what they share: running programs, comparing folders, reading MCAP |
 
 #![allow(clippy::unwrap_used, clippy::expect_used, missing_docs, reason = "a test may panic")]
@@ -61,6 +62,7 @@ mod repeat;
 mod replay;
 mod report;
 mod scenes;
+mod serve;
 mod side_by_side;
 mod stage;
 mod validity;

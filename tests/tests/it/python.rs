@@ -48,7 +48,7 @@ fn sources() -> Vec<u8> {
 
 /// The Python of an environment with the package in it, made once for each state of the package; none, with a word about it, where there is no
 /// Python or no package index.
-fn python() -> Option<PathBuf> {
+pub fn python() -> Option<PathBuf> {
     let target = std::env::current_exe().unwrap().ancestors().nth(3).unwrap().to_owned();
     let environment = target.join("python-sdk-venv");
     // Each test is a process of its own: the first makes it, the others wait.
@@ -104,7 +104,7 @@ fn drive(stage: &Stage, sim: &Path, planner: &str, arguments: &str) -> Ended {
 }
 
 /// Some of the package's own tests, or all.
-fn tests(python: &Path) -> Command {
+pub fn tests(python: &Path) -> Command {
     let mut tests = Command::new(python);
     tests.args(["-m", "unittest"]).current_dir(repository().join("python/tests")).env("PYTHONDONTWRITEBYTECODE", "1");
     tests
@@ -118,12 +118,11 @@ fn read_by_the_package(python: &Path, run: &Path) {
 
 #[test]
 fn the_messages_that_are_built_in_are_those_of_the_bus() {
-    let built_in = fs::read(repository().join("python/src/reloop/reloop.binpb")).unwrap();
-    let hint = "write them anew: python -m reloop.messages wire/proto/reloop.proto";
-    assert!(
-        built_in == wire::FILE_DESCRIPTOR_SET,
-        "python/src/reloop/reloop.binpb is not wire/proto/reloop.proto; {hint}"
-    );
+    for (name, descriptors) in [("reloop", wire::FILE_DESCRIPTOR_SET), ("service", wire::SERVICE_DESCRIPTOR_SET)] {
+        let built_in = fs::read(repository().join(format!("python/src/reloop/{name}.binpb"))).unwrap();
+        let hint = "write them anew: python -m reloop.messages wire/proto/*.proto";
+        assert!(built_in == descriptors, "python/src/reloop/{name}.binpb is not wire/proto/{name}.proto; {hint}");
+    }
 }
 
 #[test]

@@ -224,6 +224,16 @@ messages! {
     Admission: 64 * KIB,
 }
 
+impl Message for proto::service::Ask {
+    const NAME: &'static str = "Ask";
+    const MAX_BYTES: usize = 64 * KIB;
+}
+
+impl Message for proto::service::Reply {
+    const NAME: &'static str = "Reply";
+    const MAX_BYTES: usize = MAX_MESSAGE_BYTES;
+}
+
 /// The message in `bytes`.
 ///
 /// # Errors

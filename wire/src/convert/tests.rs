@@ -198,6 +198,8 @@ fn take_as_anything(bytes: &[u8]) {
     fuzzing::told(bytes);
     fuzzing::answer(bytes);
     fuzzing::admission(bytes);
+    fuzzing::asked(bytes);
+    fuzzing::replied(bytes);
     fuzzing::key(bytes);
 }
 

@@ -11,6 +11,8 @@
 //! | `{seat}/{worker}/{channel}/{session}` | what the node of that session answers |
 //! | `{seat}/@tape/{worker}/{scene}/{channel}` | the tape, for the recorder |
 //!
+//! | `reloop/@service-{secret}/{version}/ask` | what a service is asked |
+//!
 //! A `{seat}` is `reloop/{run}/@seat-{secret}`: see [`Place`].
 //!
 //! | file | what |
@@ -19,10 +21,12 @@
 //! | `place.rs` | seats and their secrets, and what is said there |
 //! | `address.rs` | where a message of the tape belongs |
 //! | `node.rs` | who a node is |
+//! | `service.rs` | where a service is asked |
 
 mod address;
 mod node;
 mod place;
+mod service;
 
 use std::fmt;
 use std::str::FromStr;
@@ -33,6 +37,7 @@ use world::scene::SceneId;
 pub use address::Address;
 pub use node::NodeId;
 pub use place::{Answering, Place, Secret, info};
+pub use service::{SERVICE_VERSION, ServiceKey};
 
 const ROOT: &str = "reloop";
 const ALL: &str = "all";
