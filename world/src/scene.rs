@@ -289,6 +289,10 @@ pub enum Finding {
     UnknownObjectOfInterest(TrackId),
     #[error("track to predict {index} is not a track's place: dropped")]
     UnknownTrackToPredict { index: i64 },
+    #[error(
+        "the data set gives no sizes: those of all {tracks} tracks are what is usual for their types, and contacts are judged by them"
+    )]
+    AssumedSizes { tracks: usize },
     #[error("current_time_index {index} is outside the scene: taken as the nearest step")]
     CurrentTimeIndex { index: i64 },
 }

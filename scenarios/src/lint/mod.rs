@@ -162,9 +162,12 @@ impl Lint {
             | Self::SignalOutOfStep { .. }
             | Self::SparseLanes { .. }
             | Self::Unjudged(_)
-            | Self::Reader(Finding::BadState { .. } | Finding::BadFeature(_) | Finding::DuplicateFeature(_)) => {
-                Severity::Warning
-            }
+            | Self::Reader(
+                Finding::BadState { .. }
+                | Finding::BadFeature(_)
+                | Finding::DuplicateFeature(_)
+                | Finding::AssumedSizes { .. },
+            ) => Severity::Warning,
             Self::IrregularTime { longest, .. } if *longest > 0.15 => Severity::Warning,
             _ => Severity::Note,
         }
@@ -174,6 +177,7 @@ impl Lint {
     #[must_use]
     pub fn code(&self) -> &'static str {
         match self {
+            Self::Reader(Finding::AssumedSizes { .. }) => "sizes-assumed",
             Self::Reader(_) => "mended",
             Self::AvOverlap { .. } => "av-overlaps",
             Self::AvOffRoad { .. } => "av-off-road",
