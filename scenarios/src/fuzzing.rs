@@ -12,6 +12,7 @@ use crate::tfrecord::{Decoder, Frames, Packing, Records, Restart, Unpack};
 use crate::womd::{Skim, Skimmed, WomdError};
 use crate::{SetFile, lint, womd};
 
+pub mod exampled;
 pub mod pickled;
 pub mod tabled;
 
@@ -153,7 +154,7 @@ impl Read for Chunks<'_> {
     }
 }
 
-/// Any bytes as a WOMD record's payload: no panic; what is read is written and read again the same, under the id that a set
+/// Any bytes as a WOMD record's payload, of either format: no panic; what is read is written and read again the same, under the id that a set
 /// finds for it.
 ///
 /// # Panics
@@ -248,6 +249,14 @@ pub fn argoverse_seeds() -> Vec<Vec<u8>> {
     scenes.iter().flat_map(|scene| tabled::packings().map(|packing| (scene, packing))).filter_map(seed).collect()
 }
 
+/// The same scenes as [`womd_seeds`], in WOMD's other format, with little room.
+#[must_use]
+pub fn example_seeds() -> Vec<Vec<u8>> {
+    let scenes = womd_seeds().into_iter().filter_map(|payload| Some(womd::read(&payload).ok()?.0));
+    let room = exampled::Room { agents: 4, points: 40, signals: 2, past: 1 };
+    scenes.map(|scene| exampled::payload(&scene, room)).collect()
+}
+
 /// Small whole inputs to start from: three steps, and one of all that a map can hold.
 #[must_use]
 pub fn womd_seeds() -> Vec<Vec<u8>> {
@@ -325,6 +334,26 @@ mod tests {
         });
         assert!(
             scenes > count / 10 && scenes < count,
+            "{scenes} inputs are still scenes: the mutations miss their mark"
+        );
+    }
+
+    #[test]
+    fn mutated_examples_do_no_harm() {
+        let seeds = example_seeds();
+        assert!(seeds.len() == 2 && seeds.iter().all(|seed| seed.len() < 6000));
+        seeds.iter().for_each(|seed| assert!(womd::read(seed).is_ok()));
+        let (count, mut scenes) = (20_000, 0);
+        mutated(&seeds, count, |input| {
+            womd(input);
+            womd_lint(input);
+            let mut file = Vec::new();
+            crate::tfrecord::append_record(&mut file, input);
+            skim(&file);
+            scenes += usize::from(womd::read(input).is_ok());
+        });
+        assert!(
+            scenes > count / 20 && scenes < count,
             "{scenes} inputs are still scenes: the mutations miss their mark"
         );
     }

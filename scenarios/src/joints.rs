@@ -11,7 +11,7 @@ const REACH: f64 = 0.1;
 /// The least cosine of the angle between them: 60 degrees.
 const LEAST_COSINE: f64 = 0.5;
 
-/// Links lanes whose ends meet and which go on in about the same direction.
+/// Links lanes whose ends meet and which go on in about the same direction: those for cars with each other, and bike lanes with each other.
 pub(crate) fn link(lanes: &mut [Lane], budget: &Budget) -> Result<(), TooLarge> {
     let mut begins: Vec<(Point, usize)> =
         lanes.iter().enumerate().filter_map(|(place, lane)| Some((lane.centerline.first()?.xy(), place))).collect();
@@ -23,7 +23,12 @@ pub(crate) fn link(lanes: &mut [Lane], budget: &Budget) -> Result<(), TooLarge> 
         let mut nexts = Vec::new();
         for (begin, next) in begins[first..].iter().take_while(|(begin, _)| begin.x <= end.x + REACH) {
             budget.spend(1)?;
-            if *next != place && begin.distance(end) <= REACH && goes_on(&lanes[place], &lanes[*next]) {
+            let is_for_the_same = lanes[place].kind.is_drivable() == lanes[*next].kind.is_drivable();
+            if *next != place
+                && is_for_the_same
+                && begin.distance(end) <= REACH
+                && goes_on(&lanes[place], &lanes[*next])
+            {
                 nexts.push(*next);
             }
         }

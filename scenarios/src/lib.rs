@@ -2,9 +2,9 @@
 //! sets of them.
 //!
 //! ```text
-//! inputs ──▶ SceneSet ──▶ tfrecord (frames, checksums) ──▶ womd (protobuf) ──▶ world::scene (the one check) ──▶ Scene
-//! generated ──▶ womd::write ──────────▲            scenarionet (pickles) ──────▲
-//!                                                  argoverse (tables, maps) ───▲
+//! inputs ──▶ SceneSet ──▶ tfrecord (frames, checksums) ──▶ womd, tf_example (protobuf) ──▶ world::scene (the one check) ──▶ Scene
+//! generated ──▶ womd::write ──────────▲                        scenarionet (pickles) ──────▲
+//!                                                              argoverse (tables, maps) ───▲
 //! ```
 //!
 //! Readers are without IO at their core, take hostile bytes, and name file, record and offset in every error.
@@ -24,7 +24,9 @@ pub mod scenarionet;
 mod set;
 mod source;
 pub mod stats;
+pub mod tf_example;
 pub mod tfrecord;
+mod wire;
 pub mod womd;
 
 pub use budget::TooLarge;

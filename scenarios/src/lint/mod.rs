@@ -166,7 +166,10 @@ impl Lint {
                 Finding::BadState { .. }
                 | Finding::BadFeature(_)
                 | Finding::DuplicateFeature(_)
-                | Finding::AssumedSizes { .. },
+                | Finding::AssumedSizes { .. }
+                | Finding::AssumedSpeedLimits { .. }
+                | Finding::LinkedByPlace { .. }
+                | Finding::Full { .. },
             ) => Severity::Warning,
             Self::IrregularTime { longest, .. } if *longest > 0.15 => Severity::Warning,
             _ => Severity::Note,
@@ -178,6 +181,9 @@ impl Lint {
     pub fn code(&self) -> &'static str {
         match self {
             Self::Reader(Finding::AssumedSizes { .. }) => "sizes-assumed",
+            Self::Reader(Finding::AssumedSpeedLimits { .. }) => "limits-assumed",
+            Self::Reader(Finding::LinkedByPlace { .. }) => "links-by-place",
+            Self::Reader(Finding::Full { .. }) => "file-full",
             Self::Reader(_) => "mended",
             Self::AvOverlap { .. } => "av-overlaps",
             Self::AvOffRoad { .. } => "av-off-road",

@@ -22,7 +22,7 @@ use self::entry::Hash;
 use self::found::Found;
 use crate::error::{RecordError, SetError};
 use crate::source::Source;
-use crate::womd;
+use crate::{tf_example, womd};
 
 pub use entry::SceneEntry;
 pub use file::{SetFile, TomlProblem};
@@ -156,9 +156,13 @@ impl SceneSet {
     /// [`SetError`] if it cannot be read, is damaged, or has changed since the set was opened.
     pub fn payload(&self, index: usize) -> Result<Vec<u8>, SetError> {
         let entry = self.entry(index)?;
+        let made = || self.load(index).map(|(scene, _)| womd::write(&scene));
         match entry.source {
-            Source::Pickle(_) | Source::Table { .. } => self.load(index).map(|(scene, _)| womd::write(&scene)),
-            _ => entry.read(<[u8]>::to_vec),
+            Source::Pickle(_) | Source::Table { .. } => made(),
+            _ => {
+                let payload = entry.read(<[u8]>::to_vec)?;
+                if tf_example::looks_like_example(&payload) { made() } else { Ok(payload) }
+            }
         }
     }
 

@@ -17,6 +17,7 @@ mod scenarionet;
 mod sets;
 mod skim;
 mod stats;
+mod tf_example;
 
 use std::path::PathBuf;
 
