@@ -42,8 +42,8 @@ pub enum Command {
 /// Where scenes are taken from.
 #[derive(Debug, Args)]
 pub struct Inputs {
-    /// WOMD TFRecord files (packed with gzip or zlib or not), ScenarioNet's pickles, folders or globs of them, scene-set TOML files,
-    /// indices, or the word demo
+    /// WOMD TFRecord files (packed with gzip or zlib or not), ScenarioNet's pickles, Argoverse 2's tables, folders or globs of them,
+    /// scene-set TOML files, indices, or the word demo
     #[arg(value_name = "PATH", default_value = "demo")]
     pub paths: Vec<String>,
 

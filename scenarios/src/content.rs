@@ -42,7 +42,9 @@ impl Content {
             Self::Sqlite => "nuPlan's logs are not read: give WOMD's TFRecord files, in scenario format",
             Self::Packed(_) => "unpack it (gzip -d FILE, tar -xzf FILE) and see what it is",
             Self::Zip => "unpack it: unzip FILE",
-            Self::Parquet => "give WOMD's TFRecord files, in scenario format",
+            Self::Parquet => {
+                "name it scenario_ID.parquet, with its map beside it, to have it read as a scene of Argoverse 2's"
+            }
             Self::LfsPointer => "fetch the data behind it: git lfs pull",
         }
     }

@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 use world::scene::SceneId;
 
+use crate::argoverse::ArgoverseError;
 use crate::content::Content;
 use crate::generated::GeneratedError;
 use crate::scenarionet::ScenarioNetError;
 use crate::set::IndexError;
 use crate::source::{Place, Source};
-use crate::tfrecord::{FrameError, FrameProblem, PackedError, Packing, StreamError};
+use crate::tfrecord::{FrameError, FrameProblem, MAX_PAYLOAD_BYTES, PackedError, Packing, StreamError};
 use crate::womd::WomdError;
 
 /// A record that gives no scene: which, and why.
@@ -27,7 +28,7 @@ pub struct RecordError {
     pub offset: u64,
     /// How the file is packed, if it is.
     pub packing: Option<Packing>,
-    /// The file is not a row of records, but one scene: a pickle.
+    /// The file is not a row of records, but one scene: a pickle, or a table.
     pub whole: bool,
     /// What is wrong.
     pub problem: RecordProblem,
@@ -73,6 +74,12 @@ pub enum RecordProblem {
     /// The pickle's content is wrong.
     #[error("{0}")]
     ScenarioNet(#[from] ScenarioNetError),
+    /// The content of a table, or of the map beside it, is wrong.
+    #[error("{0}")]
+    Argoverse(#[from] ArgoverseError),
+    /// The file is longer than what is read as a whole.
+    #[error("the file has {0} bytes, more than the {MAX_PAYLOAD_BYTES} that are read")]
+    TooLong(u64),
     /// It is not what it was when the set was opened.
     #[error("the file has changed since it was opened")]
     Changed,
@@ -94,7 +101,7 @@ impl RecordError {
         Self { path, record: place.record, offset: place.offset, packing, whole: false, problem }
     }
 
-    /// Of a pickle, which is one scene.
+    /// Of a file that is one scene.
     pub(crate) fn of_file(path: &Path, problem: RecordProblem) -> Self {
         Self { path: path.into(), record: 0, offset: 0, packing: None, whole: true, problem }
     }
@@ -133,6 +140,8 @@ impl RecordError {
             RecordProblem::Foreign(content) => content.hint(),
             RecordProblem::Womd(problem) => problem.hint(),
             RecordProblem::ScenarioNet(problem) => problem.hint(),
+            RecordProblem::Argoverse(problem) => problem.hint(),
+            RecordProblem::TooLong(_) => "cut it into shorter scenes or a smaller map when it is converted",
             RecordProblem::Changed => "leave scene files alone while they are being driven",
         }
     }
@@ -152,9 +161,9 @@ pub enum SetError {
     NoMatch { pattern: String },
     #[error("{pattern} is no glob: {problem}")]
     BadGlob { pattern: String, problem: String },
-    #[error("the folder {} holds neither TFRecord files nor pickles{}", path.display(), Among(passed_over))]
+    #[error("the folder {} holds no scenes{}", path.display(), Among(passed_over))]
     EmptyFolder { path: PathBuf, passed_over: Vec<String> },
-    #[error("{} is neither a TFRecord file, a pickle nor a scene-set TOML", path.display())]
+    #[error("{} holds no scenes, nor names any", path.display())]
     NotRecognised { path: PathBuf },
     #[error("{} is {content}, not a TFRecord", path.display())]
     Foreign { path: PathBuf, content: Content },
@@ -214,10 +223,10 @@ impl SetError {
                 "by their names these hold no scenes: fetch the shards that they belong to"
             }
             Self::EmptyFolder { .. } => {
-                "TFRecord files are known by `.tfrecord` in their names, pickles by `.pkl` behind them: name others one by one"
+                "TFRecord files are known by `.tfrecord` in their names, pickles by `.pkl` behind them, Argoverse 2's tables as scenario_ID.parquet: name others one by one"
             }
             Self::NotRecognised { .. } => {
-                "give TFRecord files or pickles, folders or globs of them, a scene-set TOML (*.toml), or the word demo"
+                "give TFRecord files, pickles or Argoverse 2's tables, folders or globs of them, a scene-set TOML (*.toml), or the word demo"
             }
             Self::Record(error) => error.hint(),
             Self::Database { .. } => {

@@ -3,13 +3,18 @@
 use std::io::{Cursor, Read};
 use std::path::Path;
 
+use parquet::file::properties::WriterProperties;
+
+use crate::argoverse;
 use crate::scenarionet::{self, database};
 use crate::set::index;
 use crate::tfrecord::{Decoder, Frames, Packing, Records, Restart, Unpack};
 use crate::womd::{Skim, Skimmed, WomdError};
 use crate::{SetFile, lint, womd};
 
+pub mod exampled;
 pub mod pickled;
+pub mod tabled;
 
 /// Any bytes as a TFRecord file: no panic, and the same records however the bytes arrive.
 ///
@@ -149,7 +154,7 @@ impl Read for Chunks<'_> {
     }
 }
 
-/// Any bytes as a WOMD record's payload: no panic; what is read is written and read again the same, under the id that a set
+/// Any bytes as a WOMD record's payload, of either format: no panic; what is read is written and read again the same, under the id that a set
 /// finds for it.
 ///
 /// # Panics
@@ -199,6 +204,20 @@ pub fn scenarionet(bytes: &[u8]) {
     let _ = lint::lint(&std::sync::Arc::new(scene), &findings);
 }
 
+/// Any bytes as a table and a map of Argoverse 2's, the table's length before them: no panic; the id that is found by the table alone is the
+/// scene's; what is read is written as WOMD's and read again; and the lint takes it.
+///
+/// # Panics
+/// If that does not hold.
+pub fn argoverse(bytes: &[u8]) {
+    let (table, map) = tabled::parted(bytes);
+    let id = argoverse::scene_id(table);
+    let Ok((scene, findings)) = argoverse::read(table, map) else { return };
+    assert_eq!(id.as_ref().ok(), Some(scene.id()), "a set finds another id than the reader");
+    assert!(womd::read(&womd::write(&scene)).is_ok(), "what was written cannot be read");
+    let _ = lint::lint(&std::sync::Arc::new(scene), &findings);
+}
+
 /// Any text as a scene-set TOML: no panic.
 pub fn scene_set_toml(bytes: &[u8]) {
     if let Ok(text) = std::str::from_utf8(bytes) {
@@ -216,6 +235,26 @@ pub fn scenarionet_seeds() -> Vec<Vec<u8>> {
         scene
     });
     of_today.iter().cloned().chain(flat).map(|scene| scene.pickle()).collect()
+}
+
+/// The same scenes as [`womd_seeds`], as Argoverse 2's tables and maps, packed in three ways.
+#[must_use]
+pub fn argoverse_seeds() -> Vec<Vec<u8>> {
+    let scenes: Vec<_> = womd_seeds().into_iter().filter_map(|payload| Some(womd::read(&payload).ok()?.0)).collect();
+    let seed = |(scene, properties): (&world::scene::Scene, WriterProperties)| {
+        let table = tabled::table(tabled::columns(scene, 2), properties).ok()?;
+        let areas = scene.map().crosswalks.iter().map(|area| area.polygon.clone()).collect::<Vec<_>>();
+        Some(tabled::joined(&table, tabled::archive(scene.map(), &areas).to_string().as_bytes()))
+    };
+    scenes.iter().flat_map(|scene| tabled::packings().map(|packing| (scene, packing))).filter_map(seed).collect()
+}
+
+/// The same scenes as [`womd_seeds`], in WOMD's other format, with little room.
+#[must_use]
+pub fn example_seeds() -> Vec<Vec<u8>> {
+    let scenes = womd_seeds().into_iter().filter_map(|payload| Some(womd::read(&payload).ok()?.0));
+    let room = exampled::Room { agents: 4, points: 40, signals: 2, past: 1 };
+    scenes.map(|scene| exampled::payload(&scene, room)).collect()
 }
 
 /// Small whole inputs to start from: three steps, and one of all that a map can hold.
@@ -300,6 +339,26 @@ mod tests {
     }
 
     #[test]
+    fn mutated_examples_do_no_harm() {
+        let seeds = example_seeds();
+        assert!(seeds.len() == 2 && seeds.iter().all(|seed| seed.len() < 6000));
+        seeds.iter().for_each(|seed| assert!(womd::read(seed).is_ok()));
+        let (count, mut scenes) = (20_000, 0);
+        mutated(&seeds, count, |input| {
+            womd(input);
+            womd_lint(input);
+            let mut file = Vec::new();
+            crate::tfrecord::append_record(&mut file, input);
+            skim(&file);
+            scenes += usize::from(womd::read(input).is_ok());
+        });
+        assert!(
+            scenes > count / 20 && scenes < count,
+            "{scenes} inputs are still scenes: the mutations miss their mark"
+        );
+    }
+
+    #[test]
     fn mutated_pickles_do_no_harm() {
         let seeds = scenarionet_seeds();
         assert!(seeds.len() == 4 && seeds.iter().all(|seed| seed.len() < 30_000));
@@ -320,6 +379,32 @@ mod tests {
         // What is before the last byte is any operations, most of them sound: numbers, containers, marks, the store.
         let soup = b"\x80\x04](K\x01K\x02e\x94}(X\x01\0\0\0aK\x03u\x94h\0\x85\x94h\x01\x86(NI1\nF2\nL3L\nVa\nS'b'\nt\x90ldp4\ng4\n20(1cnumpy\ndtype\n\x8c\x02f8\x85R(K\x03\x8c\x01<tb.";
         mutated(&[soup.to_vec()], 30_000, scenarionet);
+    }
+
+    #[test]
+    fn mutated_tables_and_maps_do_no_harm() {
+        let mut seeds = argoverse_seeds();
+        assert!(seeds.len() == 6 && seeds.iter().all(|seed| seed.len() < 20_000));
+        // One of pandas, which packs by Snappy.
+        let made = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/argoverse/train");
+        let set = crate::SceneSet::open(&[made.display().to_string()]).unwrap();
+        let crate::Source::Table { table, map } = &set.entries()[0].source else { panic!("no table") };
+        let [table, map] = [table, map].map(|file| std::fs::read(&file.path).unwrap());
+        seeds.push(tabled::joined(&table, &map));
+        for seed in &seeds {
+            let (table, map) = tabled::parted(seed);
+            argoverse::read(table, map).unwrap();
+        }
+        let (count, mut scenes) = (10_000, 0);
+        mutated(&seeds, count, |input| {
+            argoverse(input);
+            let (table, map) = tabled::parted(input);
+            scenes += usize::from(argoverse::read(table, map).is_ok());
+        });
+        assert!(
+            scenes > count / 20 && scenes < count,
+            "{scenes} inputs are still scenes: the mutations miss their mark"
+        );
     }
 
     #[test]

@@ -59,6 +59,13 @@ pub enum Source {
     File(Place),
     /// A pickle of ScenarioNet's, as a whole.
     Pickle(Arc<SceneFile>),
+    /// A table of Argoverse 2's, and the map beside it.
+    Table {
+        /// The states.
+        table: Arc<SceneFile>,
+        /// The map.
+        map: Arc<SceneFile>,
+    },
     /// Made when it is loaded.
     Generated {
         /// The family.
@@ -76,7 +83,7 @@ impl fmt::Display for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::File(Place { file, record, .. }) => write!(f, "{} (record {record})", file.path.display()),
-            Self::Pickle(file) => write!(f, "{}", file.path.display()),
+            Self::Pickle(file) | Self::Table { table: file, .. } => write!(f, "{}", file.path.display()),
             Self::Generated { family, seed, index, parameters } => {
                 write!(f, "generated {}, seed {seed}, scene {index}", family.name)?;
                 if parameters.is_empty() { Ok(()) } else { write!(f, ", {parameters}") }

@@ -289,6 +289,20 @@ pub enum Finding {
     UnknownObjectOfInterest(TrackId),
     #[error("track to predict {index} is not a track's place: dropped")]
     UnknownTrackToPredict { index: i64 },
+    #[error(
+        "the data set gives no sizes: those of all {tracks} tracks are what is usual for their types, and contacts are judged by them"
+    )]
+    AssumedSizes { tracks: usize },
+    #[error(
+        "the file has no lane graph: {links} links of its {lanes} lanes were made where one ends and another begins; which lie beside each other is not known"
+    )]
+    LinkedByPlace { lanes: usize, links: usize },
+    #[error("the file gives no speed limits: {lanes} lanes of motorways have been given the usual 65 mph")]
+    AssumedSpeedLimits { lanes: usize },
+    #[error(
+        "all {most} places that the file has for {what} are taken: there were more, as a rule, which it leaves out"
+    )]
+    Full { what: &'static str, most: usize },
     #[error("current_time_index {index} is outside the scene: taken as the nearest step")]
     CurrentTimeIndex { index: i64 },
 }

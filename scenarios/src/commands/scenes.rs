@@ -66,7 +66,7 @@ impl Scenes {
             take(Found { name, origin, scene: self.set.load(index) });
         }
         for error in self.bad {
-            let record = || if error.whole { "(pickle)".to_owned() } else { format!("(record {})", error.record) };
+            let record = || if error.whole { "(whole file)".to_owned() } else { format!("(record {})", error.record) };
             let name = error.scene().map_or_else(record, ToString::to_string);
             take(Found { name, origin: in_file(&error.path, error.record), scene: Err(error.into()) });
         }
@@ -80,7 +80,7 @@ impl Scenes {
 fn origin(source: &Source) -> String {
     match source {
         Source::File(place) => in_file(&place.file.path, place.record),
-        Source::Pickle(file) => in_file(&file.path, 0),
+        Source::Pickle(file) | Source::Table { table: file, .. } => in_file(&file.path, 0),
         Source::Generated { .. } => source.to_string(),
     }
 }

@@ -162,9 +162,15 @@ impl Lint {
             | Self::SignalOutOfStep { .. }
             | Self::SparseLanes { .. }
             | Self::Unjudged(_)
-            | Self::Reader(Finding::BadState { .. } | Finding::BadFeature(_) | Finding::DuplicateFeature(_)) => {
-                Severity::Warning
-            }
+            | Self::Reader(
+                Finding::BadState { .. }
+                | Finding::BadFeature(_)
+                | Finding::DuplicateFeature(_)
+                | Finding::AssumedSizes { .. }
+                | Finding::AssumedSpeedLimits { .. }
+                | Finding::LinkedByPlace { .. }
+                | Finding::Full { .. },
+            ) => Severity::Warning,
             Self::IrregularTime { longest, .. } if *longest > 0.15 => Severity::Warning,
             _ => Severity::Note,
         }
@@ -174,6 +180,10 @@ impl Lint {
     #[must_use]
     pub fn code(&self) -> &'static str {
         match self {
+            Self::Reader(Finding::AssumedSizes { .. }) => "sizes-assumed",
+            Self::Reader(Finding::AssumedSpeedLimits { .. }) => "limits-assumed",
+            Self::Reader(Finding::LinkedByPlace { .. }) => "links-by-place",
+            Self::Reader(Finding::Full { .. }) => "file-full",
             Self::Reader(_) => "mended",
             Self::AvOverlap { .. } => "av-overlaps",
             Self::AvOffRoad { .. } => "av-off-road",

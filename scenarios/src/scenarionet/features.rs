@@ -6,9 +6,10 @@ use world::map::{Area, BoundarySegment, Lane, LaneNeighbor, Map, MapId, RoadEdge
 use super::dataset::Dataset;
 use super::form::{self, Form};
 use super::layout::Layout;
-use super::numbering::Numbering;
 use super::pickle::Value;
-use super::{ScenarioNetError, joints, outlines};
+use super::{ScenarioNetError, outlines};
+use crate::joints;
+use crate::numbering::Numbering;
 
 const MPH_PER_KMH: f64 = 1.0 / 1.609_344;
 
@@ -69,7 +70,7 @@ pub(super) fn map<'p>(
     map.road_edges.extend(outlines::with_the_road_on_their_left(rings));
     reach_the_ends(&mut map.lanes);
     if !linked {
-        joints::link(&mut map.lanes, layout)?;
+        joints::link(&mut map.lanes, &layout.budget)?;
     }
     Ok((map, numbers))
 }

@@ -1,6 +1,5 @@
 //! Looking into a scene's pickle: what is where, errors that say so, and a bound on what is made of it.
 
-use std::cell::Cell;
 use std::fmt;
 
 use thiserror::Error;
@@ -8,10 +7,7 @@ use world::geometry::Point3;
 
 use super::ScenarioNetError;
 use super::pickle::{Numbers, Pickle, Value};
-
-/// The most states, points and links that are made of one pickle: values may be shared in it, and what a few bytes name could come to
-/// any amount. The largest scene seen has 100,000.
-const MOST_PARTS: usize = 4_000_000;
+use crate::budget::Budget;
 
 /// What is wrong with a part of a scene.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -30,7 +26,8 @@ pub enum Wrong {
 /// A pickle, what was taken of it so far, and the place in it for messages.
 pub(super) struct Layout<'p> {
     pub pickle: &'p Pickle<'p>,
-    left: Cell<usize>,
+    /// Values may be shared in a pickle: what is made of them is bounded.
+    pub budget: Budget,
 }
 
 /// A number a row, or several.
@@ -42,14 +39,12 @@ pub(super) enum Rows<'p> {
 
 impl<'p> Layout<'p> {
     pub fn new(pickle: &'p Pickle<'p>) -> Self {
-        Self { pickle, left: Cell::new(MOST_PARTS) }
+        Self { pickle, budget: Budget::of_a_scene() }
     }
 
     /// Counts `parts` that are about to be made.
     pub fn spend(&self, parts: usize) -> Result<(), ScenarioNetError> {
-        let left = self.left.get().checked_sub(parts).ok_or(ScenarioNetError::TooLarge(MOST_PARTS))?;
-        self.left.set(left);
-        Ok(())
+        Ok(self.budget.spend(parts)?)
     }
 
     /// What `dict` has under the first of `keys` that it has, unless that is None.

@@ -7,9 +7,7 @@ pub mod database;
 mod dataset;
 mod features;
 mod form;
-mod joints;
 mod layout;
-mod numbering;
 mod outlines;
 pub mod pickle;
 mod read;
@@ -18,6 +16,8 @@ mod tracks;
 
 use thiserror::Error;
 use world::scene::SceneError;
+
+use crate::budget::TooLarge;
 
 pub use layout::Wrong;
 pub use pickle::{PickleError, PickleProblem};
@@ -38,8 +38,8 @@ pub enum ScenarioNetError {
     Layout { at: String, wrong: Wrong },
     #[error("steps are {seconds} s apart, and scenes are driven in steps of 0.1 s")]
     StepLength { seconds: String },
-    #[error("the scene has more states, points or links than any: it is not read further than to {0}")]
-    TooLarge(usize),
+    #[error(transparent)]
+    TooLarge(#[from] TooLarge),
     #[error("the file has {0} bytes, more than the {MAX_FILE_BYTES} that are read")]
     TooLong(u64),
     #[error("the scene was called {first} when the set was opened, and calls itself {last}")]

@@ -4,9 +4,9 @@ use world::scene::{Finding, Scene, SceneId, SceneParts, TrackId, TrackToPredict}
 
 use super::dataset::Dataset;
 use super::layout::{Layout, Wrong};
-use super::numbering::Numbering;
 use super::pickle::{Pickle, Value, first_id};
 use super::{MAX_FILE_BYTES, ScenarioNetError, features, signals, tracks};
+use crate::numbering::Numbering;
 
 /// The scene in a file's `bytes`, and what was found odd in it and mended.
 ///

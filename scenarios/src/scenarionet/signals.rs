@@ -11,8 +11,8 @@ use super::dataset::Dataset;
 use super::features::NOWHERE;
 use super::form;
 use super::layout::{Layout, Wrong};
-use super::numbering::Numbering;
 use super::pickle::Value;
+use crate::numbering::Numbering;
 
 /// In fewer steps than this a lane of an old scene has no signal that was kept: the first converters lost all but one step.
 const LEAST_STEPS: usize = 2;

@@ -5,9 +5,9 @@ use world::scene::{AgentState, Track, TrackId};
 
 use super::dataset::Dataset;
 use super::layout::{Layout, Rows, Wrong};
-use super::numbering::Numbering;
 use super::pickle::Value;
 use super::{ScenarioNetError, form};
+use crate::numbering::Numbering;
 
 /// Tracks by name, and their numbers.
 pub(super) fn numbering<'p>(layout: &Layout<'p>, tracks: &[(Value<'p>, Value<'p>)]) -> Numbering {

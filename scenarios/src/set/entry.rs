@@ -8,15 +8,16 @@ use std::time::SystemTime;
 use sha2::{Digest, Sha256};
 use world::scene::{Finding, Scene, SceneId};
 
-use super::pickles;
+use super::{pickles, tables};
+use crate::argoverse::{self, ArgoverseError};
 use crate::error::{RecordError, RecordProblem, SetError};
 use crate::generated::GeneratedError;
 use crate::scenarionet::{self, ScenarioNetError};
-use crate::source::{Place, Source};
+use crate::source::{Place, SceneFile, Source};
 use crate::tfrecord::{Records, StreamError};
 use crate::womd::{self, WomdError};
 
-/// SHA-256 of a record's payload, or of a pickle: which scene it is, whatever its file is called.
+/// SHA-256 of a record's payload, or of the file or files that a scene is: which scene it is, whatever its file is called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Hash([u8; 32]);
 
@@ -43,18 +44,13 @@ pub struct SceneEntry {
 
 impl SceneEntry {
     /// What tells this scene from others of its name without reading it: of a record its length and the checksum that is stored with it,
-    /// of a pickle its length and when it was changed last, of a generated scene what it is made of.
+    /// of a file that is a scene its length and when it was changed last, of a generated scene what it is made of.
     #[must_use]
     pub fn fingerprint(&self) -> String {
         match &self.source {
             Source::File(place) => format!("{} bytes, CRC32C {:08x}", place.bytes, place.checksum),
-            Source::Pickle(file) => match file
-                .modified
-                .and_then(|time| time.duration_since(SystemTime::UNIX_EPOCH).ok())
-            {
-                Some(since) => format!("{} bytes, of {}.{:09} s", file.bytes, since.as_secs(), since.subsec_nanos()),
-                None => format!("{} bytes", file.bytes),
-            },
+            Source::Pickle(file) => state_of(file),
+            Source::Table { table, map } => format!("{}; map {}", state_of(table), state_of(map)),
             made @ Source::Generated { .. } => made.to_string(),
         }
     }
@@ -74,11 +70,12 @@ impl SceneEntry {
         }
     }
 
-    /// Gives `take` the bytes that the scene is in: a record's payload, or a whole pickle.
+    /// Gives `take` the bytes that the scene is in: a record's payload, a whole pickle, or a table and behind it its map.
     pub(super) fn read<T>(&self, take: impl FnOnce(&[u8]) -> T) -> Result<T, SetError> {
         match &self.source {
             Source::File(place) => Ok(read_at(place, |payload| Ok(take(payload)))?),
             Source::Pickle(file) => Ok(take(&pickles::read(file)?)),
+            Source::Table { table, map } => Ok(take(&tables::read(table, map)?)),
             Source::Generated { family, seed, index, parameters } => family
                 .payload(self.id.as_str(), *seed, *index, parameters)
                 .map(|payload| take(&payload))
@@ -107,12 +104,30 @@ impl SceneEntry {
                 });
                 decoded.map_err(|problem| RecordError::of_file(&file.path, problem.into()).into())
             }
+            Source::Table { table, .. } => {
+                let length = usize::try_from(table.bytes).unwrap_or(usize::MAX).min(bytes.len());
+                let is_other = |(scene, _): &(Scene, _)| scene.id() != &self.id;
+                let (states, map) = bytes.split_at(length);
+                let decoded = argoverse::read(states, map).and_then(|loaded| match is_other(&loaded) {
+                    true => Err(ArgoverseError::TwoIds { first: self.id.to_string(), last: loaded.0.id().to_string() }),
+                    false => Ok(loaded),
+                });
+                decoded.map_err(|problem| RecordError::of_file(&table.path, problem.into()).into())
+            }
             Source::Generated { .. } => womd::read(bytes).map_err(|problem| self.not_made(problem.into())),
         }
     }
 
     fn not_made(&self, problem: GeneratedError) -> SetError {
         SetError::Generated { id: self.id.to_string(), problem }
+    }
+}
+
+/// What tells a file from another of its name.
+fn state_of(file: &SceneFile) -> String {
+    match file.modified.and_then(|time| time.duration_since(SystemTime::UNIX_EPOCH).ok()) {
+        Some(since) => format!("{} bytes, of {}.{:09} s", file.bytes, since.as_secs(), since.subsec_nanos()),
+        None => format!("{} bytes", file.bytes),
     }
 }
 

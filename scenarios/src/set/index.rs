@@ -20,9 +20,9 @@ use world::scene::{SceneError, SceneId};
 
 use super::entry::SceneEntry;
 use super::found::Found;
+use super::whole::MAX_FILE_BYTES;
 use crate::error::SetError;
 use crate::generated::{Family, ParameterError, Parameters};
-use crate::scenarionet::MAX_FILE_BYTES;
 use crate::source::{Place, SceneFile, Source};
 use crate::tfrecord::{Entrances, FOOTER_BYTES, HEADER_BYTES, MAX_PAYLOAD_BYTES, Packing, masked_crc32c};
 
@@ -32,8 +32,10 @@ const MAGIC: &[u8] = b"reloop scene index 1\n";
 /// So many bytes of a file tell whether it is an index, of this version or another.
 pub(super) const START_BYTES: usize = MAGIC.len() - 2;
 
-/// Stands for a pickle where others say how they are packed.
+/// Stand for a pickle, and for a table and a map of Argoverse 2's, where others say how they are packed.
 const PICKLE: u32 = 3;
+const TABLE: u32 = 4;
+const MAP: u32 = 5;
 
 /// Why an index is of no use.
 #[derive(Debug, Error)]
@@ -65,7 +67,7 @@ struct Index {
     scenes: Vec<IndexedScene>,
 }
 
-/// A TFRecord file, or a pickle.
+/// A TFRecord file, a pickle, a table or a map.
 #[derive(Clone, PartialEq, Message)]
 struct IndexedFile {
     /// Its path, from the index's folder on.
@@ -77,7 +79,7 @@ struct IndexedFile {
     /// When it was changed last (ns since 1970).
     #[prost(uint64, optional, tag = "3")]
     modified: Option<u64>,
-    /// 0 not packed, 1 gzip, 2 zlib, 3 a pickle.
+    /// 0 not packed, 1 gzip, 2 zlib, 3 a pickle, 4 a table, 5 a map.
     #[prost(uint32, tag = "4")]
     packing: u32,
 }
@@ -113,6 +115,9 @@ struct IndexedScene {
     bytes: u64,
     #[prost(fixed32, tag = "7")]
     checksum: u32,
+    /// The map of a table, from 1.
+    #[prost(uint32, tag = "8")]
+    map: u32,
 }
 
 /// Whether a file that begins with `start` is an index.
@@ -147,20 +152,24 @@ fn at(nanoseconds: u64) -> SystemTime {
 
 /// The index of `entries`, to be kept in `folder`: files within it may be moved together with it.
 pub(crate) fn write(entries: &[SceneEntry], folder: &Path) -> Vec<u8> {
-    let (mut files, mut makings) = (Vec::<(&Arc<SceneFile>, bool)>::new(), Vec::<Making>::new());
-    let is_same = |one: &(&Arc<SceneFile>, bool), other: &(&Arc<SceneFile>, bool)| Arc::ptr_eq(one.0, other.0);
+    let (mut files, mut makings) = (Vec::<(&Arc<SceneFile>, u32)>::new(), Vec::<Making>::new());
+    let is_same = |one: &(&Arc<SceneFile>, u32), other: &(&Arc<SceneFile>, u32)| Arc::ptr_eq(one.0, other.0);
     let mut scenes = Vec::with_capacity(entries.len());
     for SceneEntry { id, source } in entries {
         let scene = IndexedScene { id: id.to_string(), ..IndexedScene::default() };
         scenes.push(match source {
             Source::File(Place { file, record, offset, bytes, checksum }) => {
                 let (number, offset, bytes, checksum) = (*record, *offset, *bytes, *checksum);
-                let file = place(&mut files, (file, false), is_same);
+                let file = place(&mut files, (file, packing(file)), is_same);
                 IndexedScene { file, number, offset, bytes, checksum, ..scene }
             }
             Source::Pickle(file) => {
                 let bytes = file.bytes;
-                IndexedScene { file: place(&mut files, (file, true), is_same), bytes, ..scene }
+                IndexedScene { file: place(&mut files, (file, PICKLE), is_same), bytes, ..scene }
+            }
+            Source::Table { table, map } => {
+                let file = place(&mut files, (table, TABLE), is_same);
+                IndexedScene { file, map: place(&mut files, (map, MAP), is_same), ..scene }
             }
             Source::Generated { family, seed, index, parameters } => {
                 let (family, parameters) = (family.name.to_owned(), parameters.texts().collect());
@@ -170,7 +179,7 @@ pub(crate) fn write(entries: &[SceneEntry], folder: &Path) -> Vec<u8> {
             }
         });
     }
-    let files = files.into_iter().map(|(file, is_pickle)| indexed(file, is_pickle, folder)).collect();
+    let files = files.into_iter().map(|(file, packing)| indexed(file, packing, folder)).collect();
     sealed(&Index { files, makings, scenes }.encode_to_vec())
 }
 
@@ -183,19 +192,21 @@ fn place<T>(known: &mut Vec<T>, one: T, is_same: impl Fn(&T, &T) -> bool) -> u32
     place as u32 + 1
 }
 
-fn indexed(file: &SceneFile, is_pickle: bool, folder: &Path) -> IndexedFile {
+fn indexed(file: &SceneFile, packing: u32, folder: &Path) -> IndexedFile {
     let absolute = |path: &Path| path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let full = absolute(&file.path);
     let path = full.strip_prefix(absolute(folder)).unwrap_or(&full).as_os_str().as_bytes().to_vec();
     let since = |modified: SystemTime| modified.duration_since(SystemTime::UNIX_EPOCH).ok();
     let modified = file.modified.and_then(since).and_then(|since| u64::try_from(since.as_nanos()).ok());
-    let packing = match file.packing() {
-        None if is_pickle => PICKLE,
+    IndexedFile { path, bytes: file.bytes, modified, packing }
+}
+
+fn packing(file: &SceneFile) -> u32 {
+    match file.packing() {
         None => 0,
         Some(Packing::Gzip) => 1,
         Some(Packing::Zlib) => 2,
-    };
-    IndexedFile { path, bytes: file.bytes, modified, packing }
+    }
 }
 
 /// A message as it stands in its file.
@@ -213,7 +224,7 @@ pub(crate) fn read(bytes: &[u8], folder: &Path) -> Result<(Vec<Arc<SceneFile>>, 
     let Index { files, makings, scenes } = Index::decode(message)?;
     let file = |file: IndexedFile| {
         let packed = match file.packing {
-            0 | PICKLE => None,
+            0 | PICKLE | TABLE | MAP => None,
             1 => Some(Entrances::of(Packing::Gzip)),
             2 => Some(Entrances::of(Packing::Zlib)),
             _ => return Err(IndexError::Version),
@@ -221,7 +232,7 @@ pub(crate) fn read(bytes: &[u8], folder: &Path) -> Result<(Vec<Arc<SceneFile>>, 
         let path = folder.join(OsStr::from_bytes(&file.path));
         Ok(Arc::new(SceneFile { path, bytes: file.bytes, modified: file.modified.map(at), packed }))
     };
-    let are_pickles: Vec<bool> = files.iter().map(|file| file.packing == PICKLE).collect();
+    let kinds: Vec<u32> = files.iter().map(|file| file.packing).collect();
     let files: Vec<Arc<SceneFile>> = files.into_iter().map(file).collect::<Result<_, _>>()?;
     let made = |making: Making| {
         let parameters = Parameters::read(&making.parameters)?;
@@ -233,8 +244,16 @@ pub(crate) fn read(bytes: &[u8], folder: &Path) -> Result<(Vec<Arc<SceneFile>>, 
     let entry = |scene: IndexedScene| {
         let of = |place: u32| (place as usize).checked_sub(1);
         let source = match of(scene.file) {
-            Some(place) if are_pickles.get(place) == Some(&true) => files.get(place).and_then(as_pickle),
-            Some(place) => files.get(place).and_then(|file| in_file(file, &scene)),
+            Some(place) => match kinds.get(place) {
+                Some(&PICKLE) => files.get(place).and_then(whole).map(Source::Pickle),
+                Some(&TABLE) => {
+                    let map = of(scene.map).filter(|map| kinds.get(*map) == Some(&MAP));
+                    let both = files.get(place).zip(map.and_then(|map| files.get(map)));
+                    both.and_then(|(table, map)| Some(Source::Table { table: whole(table)?, map: whole(map)? }))
+                }
+                Some(&MAP) | None => None,
+                Some(_) => files.get(place).and_then(|file| in_file(file, &scene)),
+            },
             None => of(scene.making).and_then(|place| makings.get(place)).and_then(|making| {
                 let (family, seed, parameters) = making.as_ref()?;
                 let index = u32::try_from(scene.number).ok()?;
@@ -248,9 +267,9 @@ pub(crate) fn read(bytes: &[u8], folder: &Path) -> Result<(Vec<Arc<SceneFile>>, 
     Ok((files, entries))
 }
 
-/// A file that is a scene, if it may be so long.
-fn as_pickle(file: &Arc<SceneFile>) -> Option<Source> {
-    (file.bytes <= MAX_FILE_BYTES).then(|| Source::Pickle(Arc::clone(file)))
+/// A file that is read as a whole, if it may be so long.
+fn whole(file: &Arc<SceneFile>) -> Option<Arc<SceneFile>> {
+    (file.bytes <= MAX_FILE_BYTES).then(|| Arc::clone(file))
 }
 
 /// The place of a scene, if its file has room for it.

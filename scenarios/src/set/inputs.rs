@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::file::SetFile;
 use super::found::{Found, Note};
-use super::{generate, index, pickles, scan};
+use super::{generate, index, pickles, scan, tables};
 use crate::content::Content;
 use crate::error::SetError;
 use crate::tfrecord::{self, Packing, Restart, Unpack};
@@ -86,6 +86,9 @@ fn open_file(path: &Path, found: &mut Found) -> Result<(), SetError> {
     if path.to_string_lossy().ends_with(pickles::ENDING) {
         return pickles::scan(path, found);
     }
+    if path.to_string_lossy().ends_with(tables::ENDING) {
+        return tables::scan(path, found);
+    }
     if !has_tfrecord_name(path) {
         let start = start_of(path).map_err(|source| unreadable(path, source))?;
         if index::looks_like_index(&start) {
@@ -94,6 +97,7 @@ fn open_file(path: &Path, found: &mut Found) -> Result<(), SetError> {
         if !holds_records(path, &start) {
             return Err(match Content::of(&start) {
                 Some(Content::Pickle) => return pickles::scan(path, found),
+                Some(Content::Parquet) => return tables::scan(path, found),
                 Some(content) => SetError::Foreign { path: path.into(), content },
                 None => SetError::NotRecognised { path: path.into() },
             });
@@ -119,22 +123,26 @@ fn holds_records(path: &Path, start: &[u8]) -> bool {
     tfrecord::looks_like_tfrecord(start) || unpacked().is_some_and(|start| tfrecord::looks_like_tfrecord(&start))
 }
 
-/// A folder's shards; where there are none at any depth, its pickles.
+/// A folder's shards; where there are none at any depth, its pickles; where there are none of these either, Argoverse 2's scenes.
 fn open_folder(folder: &Path, found: &mut Found) -> Result<(), SetError> {
-    let (mut files, mut passed_over) = (Vec::new(), Vec::new());
-    find_files(folder, &mut files, &mut passed_over)?;
-    files.sort();
+    let mut inside = Inside::default();
+    find_files(folder, &mut inside)?;
+    let Inside { mut shards, mut tables, mut passed_over } = inside;
     passed_over.sort();
-    if files.is_empty() {
+    if shards.is_empty() {
         if passed_over.iter().any(|name| name.ends_with(pickles::ENDING)) && pickles::open_folder(folder, found)? > 0 {
             passed_over.retain(|name| !name.ends_with(pickles::ENDING));
-            pass_over(folder, passed_over, found);
-            return Ok(());
+        } else if tables.is_empty() {
+            return Err(SetError::EmptyFolder { path: folder.into(), passed_over });
+        } else {
+            tables.sort();
+            std::mem::take(&mut tables).iter().try_for_each(|table| tables::scan(table, found))?;
         }
-        return Err(SetError::EmptyFolder { path: folder.into(), passed_over });
     }
+    passed_over.extend(tables.iter().filter_map(|table| Some(table.file_name()?.to_string_lossy().into_owned())));
     pass_over(folder, passed_over, found);
-    files.iter().try_for_each(|file| scan::scan(file, found))
+    shards.sort();
+    shards.iter().try_for_each(|file| scan::scan(file, found))
 }
 
 fn pass_over(input: &Path, files: Vec<String>, found: &mut Found) {
@@ -143,20 +151,32 @@ fn pass_over(input: &Path, files: Vec<String>, found: &mut Found) {
     }
 }
 
+/// What a folder holds, at any depth.
+#[derive(Default)]
+struct Inside {
+    shards: Vec<PathBuf>,
+    /// Of Argoverse 2's scenes.
+    tables: Vec<PathBuf>,
+    /// Names of side files, pickles among them, and of data of other kinds.
+    passed_over: Vec<String>,
+}
+
 /// Links to folders are not followed: they may lead in circles. What has another name than TFRecords is left alone; it is told
 /// of side files, and of data of other kinds.
-fn find_files(folder: &Path, files: &mut Vec<PathBuf>, passed_over: &mut Vec<String>) -> Result<(), SetError> {
+fn find_files(folder: &Path, inside: &mut Inside) -> Result<(), SetError> {
     let io = |source| SetError::Io { path: folder.into(), source };
     for entry in fs::read_dir(folder).map_err(io)? {
         let entry = entry.map_err(io)?;
         let path = entry.path();
         let name = entry.file_name().to_string_lossy().into_owned();
         if entry.file_type().map_err(io)?.is_dir() {
-            find_files(&path, files, passed_over)?;
+            find_files(&path, inside)?;
         } else if has_tfrecord_name(&path) && !is_side_file(&name) {
-            files.extend(Some(path).filter(|path| path.is_file()));
+            inside.shards.extend(Some(path).filter(|path| path.is_file()));
+        } else if tables::is_scene(&name) {
+            inside.tables.extend(Some(path).filter(|path| path.is_file()));
         } else if has_tfrecord_name(&path) || [".pkl", ".db"].iter().any(|ending| name.ends_with(ending)) {
-            passed_over.push(name);
+            inside.passed_over.push(name);
         }
     }
     Ok(())
@@ -177,7 +197,7 @@ fn open_glob(pattern: &str, found: &mut Found) -> Result<(), SetError> {
         let name = name(path);
         match name.ends_with(pickles::ENDING) {
             true => has_shards || pickles::is_index(&name),
-            false => has_tfrecord_name(path) && is_side_file(&name),
+            false => (has_tfrecord_name(path) && is_side_file(&name)) || tables::is_map(&name),
         }
     };
     paths.sort_by_cached_key(|path| pickles::order(path));

@@ -9,6 +9,8 @@ mod inputs;
 mod logged;
 mod pickles;
 mod scan;
+mod tables;
+mod whole;
 
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
@@ -20,7 +22,7 @@ use self::entry::Hash;
 use self::found::Found;
 use crate::error::{RecordError, SetError};
 use crate::source::Source;
-use crate::womd;
+use crate::{tf_example, womd};
 
 pub use entry::SceneEntry;
 pub use file::{SetFile, TomlProblem};
@@ -39,7 +41,7 @@ pub struct SceneSet {
 }
 
 impl SceneSet {
-    /// The scenes of `inputs`: TFRecord files, packed or not, ScenarioNet's pickles, folders (searched through, in order of names), globs, scene-set
+    /// The scenes of `inputs`: TFRecord files, packed or not, ScenarioNet's pickles, Argoverse 2's tables, folders (searched through, in order of names), globs, scene-set
     /// TOML files ([`SetFile`]), indices ([`SceneSet::index`]), or the word `demo`. Nothing means `demo`. Their order is that of the inputs, of the names within
     /// a folder or glob, and of the records within a file. A record that is there again with the same bytes counts once.
     ///
@@ -120,7 +122,7 @@ impl SceneSet {
         Ok((Arc::new(scene), findings))
     }
 
-    /// SHA-256 of the payload of scene `index`, or of the whole pickle, in hexadecimal digits: which scene it is, whatever its file is called.
+    /// SHA-256 of the payload of scene `index`, of the whole pickle, or of the table and the map behind it, in hexadecimal digits: which scene it is, whatever its file is called.
     /// It is read for that, unless it was before.
     ///
     /// # Errors
@@ -148,15 +150,19 @@ impl SceneSet {
         wrong.find_map_first(|error| error).map_or(Ok(()), Err)
     }
 
-    /// The payload of scene `index` as it lies in its file, to be copied to another; of a pickle the scene as WOMD's message.
+    /// The payload of scene `index` as it lies in its file, to be copied to another; of what lies in another format the scene as WOMD's message.
     ///
     /// # Errors
     /// [`SetError`] if it cannot be read, is damaged, or has changed since the set was opened.
     pub fn payload(&self, index: usize) -> Result<Vec<u8>, SetError> {
         let entry = self.entry(index)?;
+        let made = || self.load(index).map(|(scene, _)| womd::write(&scene));
         match entry.source {
-            Source::Pickle(_) => self.load(index).map(|(scene, _)| womd::write(&scene)),
-            _ => entry.read(<[u8]>::to_vec),
+            Source::Pickle(_) | Source::Table { .. } => made(),
+            _ => {
+                let payload = entry.read(<[u8]>::to_vec)?;
+                if tf_example::looks_like_example(&payload) { made() } else { Ok(payload) }
+            }
         }
     }
 

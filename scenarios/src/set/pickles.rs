@@ -1,13 +1,12 @@
 //! ScenarioNet's pickles as members of a set: a file is a scene, and a database's index says which files belong to it.
 
 use std::fs::{self, File};
-use std::io::{self, Read};
+use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use super::entry::SceneEntry;
 use super::found::{Found, Note};
-use super::index;
+use super::whole;
 use crate::error::{RecordError, RecordProblem, SetError};
 use crate::scenarionet::database::{MAPPING, SUMMARY, mapped, summarised};
 use crate::scenarionet::{self, MAX_FILE_BYTES, ScenarioNetError};
@@ -26,10 +25,7 @@ pub(super) fn is_index(name: &str) -> bool {
 
 /// Appends the scene of the pickle at `path`, or why it gives none. As little of it is read as tells its id.
 pub(super) fn scan(path: &Path, found: &mut Found) -> Result<(), SetError> {
-    let file = File::open(path).map_err(|source| match source.kind() {
-        io::ErrorKind::NotFound => SetError::Missing { path: path.into() },
-        _ => SetError::Io { path: path.into(), source },
-    })?;
+    let file = File::open(path).map_err(|source| whole::unopened(path, source))?;
     match entry(path, &file) {
         Ok(entry) => found.entries.push(entry),
         Err(problem) => found.bad.push(RecordError::of_file(path, problem)),
@@ -37,39 +33,23 @@ pub(super) fn scan(path: &Path, found: &mut Found) -> Result<(), SetError> {
     Ok(())
 }
 
-fn entry(path: &Path, mut file: &File) -> Result<SceneEntry, RecordProblem> {
+fn entry(path: &Path, file: &File) -> Result<SceneEntry, RecordProblem> {
     let metadata = file.metadata().map_err(RecordProblem::Io)?;
     let mut bytes = Vec::new();
     file.take(START_BYTES).read_to_end(&mut bytes).map_err(RecordProblem::Io)?;
     let start = bytes.clone();
     let id = scenarionet::scene_id(&start, || -> Result<Vec<u8>, RecordProblem> {
-        check_length(metadata.len())?;
-        file.by_ref().take(MAX_FILE_BYTES).read_to_end(&mut bytes).map_err(RecordProblem::Io)?;
+        whole::read_on(file, metadata.len(), &mut bytes)?;
         Ok(bytes)
     })?;
-    let modified = index::modified(&metadata);
-    let file = SceneFile { path: path.into(), bytes: metadata.len(), modified, packed: None };
-    Ok(SceneEntry { id, source: Source::Pickle(Arc::new(file)) })
-}
-
-fn check_length(bytes: u64) -> Result<(), RecordProblem> {
-    if bytes > MAX_FILE_BYTES { Err(ScenarioNetError::TooLong(bytes).into()) } else { Ok(()) }
+    Ok(SceneEntry { id, source: Source::Pickle(whole::described(path, &metadata)) })
 }
 
 /// The bytes of the pickle `file`, if it is what it was.
 pub(super) fn read(file: &SceneFile) -> Result<Vec<u8>, RecordError> {
-    let read = || -> Result<Vec<u8>, RecordProblem> {
-        let opened = File::open(&file.path).map_err(RecordProblem::Io)?;
-        let now = opened.metadata().map_err(RecordProblem::Io)?;
-        if (now.len(), index::modified(&now)) != (file.bytes, file.modified) {
-            return Err(RecordProblem::Changed);
-        }
-        check_length(now.len())?;
-        let mut bytes = Vec::new();
-        opened.take(MAX_FILE_BYTES).read_to_end(&mut bytes).map_err(RecordProblem::Io)?;
-        if bytes.len() as u64 == file.bytes { Ok(bytes) } else { Err(RecordProblem::Changed) }
-    };
-    read().map_err(|problem| RecordError::of_file(&file.path, problem))
+    let mut bytes = Vec::new();
+    whole::read(file, &mut bytes).map_err(|problem| RecordError::of_file(&file.path, problem))?;
+    Ok(bytes)
 }
 
 /// Appends the scenes of a folder: where it is a database, those of its index; else all its pickles, and those of its folders. Files in the

@@ -1,16 +1,19 @@
 //! The Waymo Open Motion Dataset's scenario format: one protobuf `Scenario` a record of a TFRecord file.
 //!
-//! [`read`] takes a record's payload and gives a checked scene; [`write()`] is its inverse; [`Skim`] finds the id alone. None does IO.
+//! [`read`] takes a record's payload, also of the data set's other format ([`crate::tf_example`]), and gives a checked scene; [`write()`] writes
+//! one; [`Skim`] finds the id alone. None does IO.
 
 pub(crate) mod kinds;
 pub mod message;
 mod read;
 mod skim;
-mod wire;
 mod write;
 
 use thiserror::Error;
 use world::scene::{SceneError, SceneId};
+
+use crate::tf_example::ExampleError;
+use crate::wire;
 
 pub use read::{read, scene_id};
 pub use skim::{Skim, Skimmed};
@@ -19,9 +22,9 @@ pub use write::write;
 /// Why a record's payload gives no scene.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum WomdError {
-    /// It is WOMD's other format, which has no lane graph.
-    #[error("the record is a tf.Example, WOMD's other format: it has no lane graph, so no scene can be made of it")]
-    TfExample,
+    /// It is WOMD's other format, and something is wrong with it.
+    #[error("the tf.Example: {0}")]
+    TfExample(#[from] ExampleError),
     /// It is some other message.
     #[error("the record is not a Scenario: it begins as another message does, such as a perception Frame")]
     NotAScenario,
@@ -52,7 +55,7 @@ impl WomdError {
     #[must_use]
     pub fn hint(&self) -> &'static str {
         match self {
-            Self::TfExample => "take the data set's `scenario` folder instead of its `tf_example` folder",
+            Self::TfExample(error) => error.hint(),
             Self::NotAScenario => "take files from the Waymo Open MOTION Dataset's `scenario` folder",
             Self::Protobuf(_) | Self::TwoIds { .. } => {
                 "the checksums are right, so it was written this way: ask whoever wrote the file"
@@ -68,9 +71,5 @@ impl WomdError {
 /// What else a payload is that failed to be a Scenario. Those begin with a 64-bit field 1, or a packed one, whose length divides by 8.
 fn diagnose(payload: &[u8]) -> Option<WomdError> {
     let Some(Ok((1, wire::Field::Bytes(first)))) = wire::fields(payload).next() else { return None };
-    let holds = |text: &[u8]| first.windows(text.len()).any(|window| window == text);
-    if holds(b"roadgraph_samples/") || holds(b"state/") {
-        return Some(WomdError::TfExample);
-    }
     (!first.len().is_multiple_of(8)).then_some(WomdError::NotAScenario)
 }

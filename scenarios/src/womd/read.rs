@@ -9,13 +9,17 @@ use world::signal::Signal;
 use super::WomdError;
 use super::kinds::Numbered;
 use super::message::{self, FeatureData, Scenario};
-use super::wire::{self, Field};
+use crate::tf_example;
+use crate::wire::{self, Field};
 
-/// The scene in `payload`, and what was found odd in it and mended.
+/// The scene in `payload`, of either format, and what was found odd in it and mended.
 ///
 /// # Errors
 /// [`WomdError`], by preference the one that says what else the payload is.
 pub fn read(payload: &[u8]) -> Result<(Scene, Vec<Finding>), WomdError> {
+    if tf_example::looks_like_example(payload) {
+        return Ok(tf_example::read(payload)?);
+    }
     let read = || -> Result<_, WomdError> {
         let scenario = Scenario::decode(payload).map_err(|error| WomdError::Protobuf(error.to_string()))?;
         scene(scenario)
@@ -35,6 +39,9 @@ const CAMERA_TOKENS: u64 = 13;
 /// # Errors
 /// [`WomdError`] as of [`read`].
 pub fn scene_id(payload: &[u8]) -> Result<SceneId, WomdError> {
+    if tf_example::looks_like_example(payload) {
+        return Ok(tf_example::scene_id(payload)?);
+    }
     let find = || -> Result<_, WomdError> {
         let (mut ids, mut laser, mut scene) = ([None; 2], false, false);
         for field in wire::fields(payload) {

@@ -159,7 +159,7 @@ fn the_word_demo_means_the_built_in_set_whatever_lies_here_by_that_name() {
         "{built_in}"
     );
     let own = run_in(folder.path(), &["list", "./demo"]);
-    assert!(own.contains("error: the folder ./demo holds neither TFRecord files nor pickles"), "{own}");
+    assert!(own.contains("error: the folder ./demo holds no scenes"), "{own}");
 }
 
 #[test]

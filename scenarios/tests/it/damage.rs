@@ -122,7 +122,10 @@ fn womd_problem(payload: &[u8]) -> WomdError {
 #[test]
 fn records_that_are_no_scenario() {
     // Example { features: Features { feature: { "state/x": ... } } }
-    assert_eq!(womd_problem(b"\x0a\x0b\x0a\x09\x0a\x07state/x"), WomdError::TfExample);
+    assert_eq!(
+        womd_problem(b"\x0a\x0b\x0a\x09\x0a\x07state/x").to_string(),
+        "the tf.Example: the feature scenario/id is missing"
+    );
     // Frame { context: Context { name: "1" }, timestamp_micros: 5 }
     assert_eq!(womd_problem(b"\x0a\x03\x0a\x011\x10\x05"), WomdError::NotAScenario);
     assert!(matches!(womd_problem(b"\xff\xff\xff"), WomdError::Protobuf(_)));

@@ -1,6 +1,7 @@
 //! The crate from outside: real files where they are present, damaged files, sets, the binary.
 #![allow(clippy::unwrap_used, clippy::expect_used, missing_docs, reason = "a test may fail by panic")]
 
+mod argoverse;
 mod cases;
 mod cli;
 mod damage;
@@ -16,6 +17,7 @@ mod scenarionet;
 mod sets;
 mod skim;
 mod stats;
+mod tf_example;
 
 use std::path::PathBuf;
 

@@ -1,6 +1,6 @@
 //! Real WOMD scenes.
 
-use scenarios::{RecordProblem, SceneSet, SetError, womd};
+use scenarios::{SceneSet, womd};
 
 use crate::real_data;
 
@@ -45,16 +45,6 @@ fn counts_are_those_of_the_data_sets_table() {
     assert_eq!((scene.steps(), scene.map().lanes.len(), scene.map().crosswalks.len()), (200, 222, 10));
     assert_eq!(scene.map().stop_signs.len(), 7);
     assert_eq!((0..scene.steps()).filter(|step| !scene.signals(*step).is_empty()).count(), 183);
-}
-
-#[test]
-fn a_tf_example_is_refused_by_name() {
-    let Some(data) = real_data() else { return };
-    let file = data.join("womd/tf-example/motion_data_one_example.tfrecord");
-    let error = SceneSet::open(&[file.to_string_lossy().into_owned()]).unwrap_err();
-    let SetError::Record(error) = error else { panic!("{error}") };
-    assert!(matches!(error.problem, RecordProblem::Womd(womd::WomdError::TfExample)), "{error}");
-    assert_eq!((error.record, error.offset), (0, 0));
 }
 
 #[test]

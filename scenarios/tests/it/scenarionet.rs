@@ -144,7 +144,7 @@ fn a_small_file_takes_little_memory_whatever_it_claims() {
     let track = scene.at("tracks").pairs()[0].1.clone();
     let shared = [b"}(".to_vec(), many(&track, 20_000), b"u".to_vec()].concat();
     *scene.at("tracks") = Python::Raw(shared);
-    assert_eq!(read(&scene).unwrap_err(), ScenarioNetError::TooLarge(4_000_000));
+    assert!(matches!(read(&scene).unwrap_err(), ScenarioNetError::TooLarge(_)));
     assert!(Pickle::read(b"]q\x01h\x01a.").is_ok());
 }
 

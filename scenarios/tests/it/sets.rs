@@ -197,7 +197,7 @@ fn a_path_that_is_not_there_is_told_by_what_it_looks_like() {
     fs::create_dir(folder.path().join("nuplan")).unwrap();
     fs::write(folder.path().join("nuplan/2021.db"), b"SQLite format 3\0").unwrap();
     insta::assert_snapshot!(error("nuplan"), @"
-    the folder HERE/nuplan holds neither TFRecord files nor pickles, but 2021.db
+    the folder HERE/nuplan holds no scenes, but 2021.db
     hint: nuPlan's logs are not read: give WOMD's TFRecord files, in scenario format
     ");
 }

@@ -32,7 +32,7 @@ use crate::map::MapId;
 use crate::signal::Signal;
 
 pub use lanes::{SPACING, SPARSE};
-pub use sizes::{MendedSize, SizeSource};
+pub use sizes::{MendedSize, SizeSource, usual_size};
 pub use tracks::TrackGap;
 
 /// The longest time that is filled in (steps of 0.1 s): 3 s. In 471 real scenes 99.8 % of 17,400 gaps were of 9 steps at most, and

@@ -3,8 +3,7 @@
 use world::geometry::Point;
 use world::map::Lane;
 
-use super::ScenarioNetError;
-use super::layout::Layout;
+use crate::budget::{Budget, TooLarge};
 
 /// How far apart they may be (m): the converters keep ends to the last bit, or cut them off.
 const REACH: f64 = 0.1;
@@ -12,8 +11,8 @@ const REACH: f64 = 0.1;
 /// The least cosine of the angle between them: 60 degrees.
 const LEAST_COSINE: f64 = 0.5;
 
-/// Links lanes whose ends meet and which go on in about the same direction.
-pub(super) fn link(lanes: &mut [Lane], layout: &Layout<'_>) -> Result<(), ScenarioNetError> {
+/// Links lanes whose ends meet and which go on in about the same direction: those for cars with each other, and bike lanes with each other.
+pub(crate) fn link(lanes: &mut [Lane], budget: &Budget) -> Result<(), TooLarge> {
     let mut begins: Vec<(Point, usize)> =
         lanes.iter().enumerate().filter_map(|(place, lane)| Some((lane.centerline.first()?.xy(), place))).collect();
     begins.retain(|(point, _)| point.x.is_finite());
@@ -23,8 +22,13 @@ pub(super) fn link(lanes: &mut [Lane], layout: &Layout<'_>) -> Result<(), Scenar
         let first = begins.partition_point(|(begin, _)| begin.x < end.x - REACH);
         let mut nexts = Vec::new();
         for (begin, next) in begins[first..].iter().take_while(|(begin, _)| begin.x <= end.x + REACH) {
-            layout.spend(1)?;
-            if *next != place && begin.distance(end) <= REACH && goes_on(&lanes[place], &lanes[*next]) {
+            budget.spend(1)?;
+            let is_for_the_same = lanes[place].kind.is_drivable() == lanes[*next].kind.is_drivable();
+            if *next != place
+                && is_for_the_same
+                && begin.distance(end) <= REACH
+                && goes_on(&lanes[place], &lanes[*next])
+            {
                 nexts.push(*next);
             }
         }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Which number each name has. A name that is a number keeps it; others get the lowest that are free, in their order.
 #[derive(Debug)]
-pub(super) struct Numbering {
+pub(crate) struct Numbering {
     numbers: BTreeMap<String, i64>,
     taken: BTreeSet<i64>,
     next: i64,

@@ -4,7 +4,7 @@ use thiserror::Error;
 
 /// What a field holds, undecoded.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Field<'a> {
+pub(crate) enum Field<'a> {
     Varint(u64),
     Fixed64([u8; 8]),
     Bytes(&'a [u8]),
@@ -16,12 +16,12 @@ pub(super) enum Field<'a> {
 /// Bytes that are no fields.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("the field at byte {offset} of the payload is malformed")]
-pub(super) struct Malformed {
+pub(crate) struct Malformed {
     offset: usize,
 }
 
 /// The fields of a message in their order, with their numbers; after a [`Malformed`] none.
-pub(super) fn fields(message: &[u8]) -> impl Iterator<Item = Result<(u64, Field<'_>), Malformed>> {
+pub(crate) fn fields(message: &[u8]) -> impl Iterator<Item = Result<(u64, Field<'_>), Malformed>> {
     let mut rest = message;
     std::iter::from_fn(move || {
         if rest.is_empty() {
@@ -71,7 +71,7 @@ fn skip_group(rest: &mut &[u8]) -> Option<()> {
     Some(())
 }
 
-pub(super) fn varint(rest: &mut &[u8]) -> Option<u64> {
+pub(crate) fn varint(rest: &mut &[u8]) -> Option<u64> {
     let mut value = 0;
     for shift in (0..70).step_by(7) {
         let (byte, after) = rest.split_first()?;
