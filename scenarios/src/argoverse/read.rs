@@ -2,7 +2,7 @@
 
 use world::scene::{Finding, Scene, SceneId, SceneParts};
 
-use super::table::{Table, TableError};
+use super::table::Table;
 use super::tracks::{self, Tracks};
 use super::{ArgoverseError, MAX_FILE_BYTES, map};
 use crate::budget::Budget;
@@ -58,15 +58,16 @@ fn id(table: &Table<'_>) -> Result<String, ArgoverseError> {
     ids.names.into_iter().next().ok_or(ArgoverseError::NoRows)
 }
 
-/// Time of each step (s), from the first on: they lie evenly between the first and the last.
+/// Time of each step (s), from the first on: they lie evenly between the first and the last. Who wrote them may have had them as floats.
 fn timestamps(table: &Table<'_>, budget: &Budget) -> Result<Vec<f64>, ArgoverseError> {
-    let first =
-        |column| -> Result<i64, ArgoverseError> { table.ints(column)?.first().copied().ok_or(ArgoverseError::NoRows) };
+    let first = |column| -> Result<f64, ArgoverseError> {
+        table.floats(column)?.first().copied().ok_or(ArgoverseError::NoRows)
+    };
     let (begin, end, number) = (first("start_timestamp")?, first("end_timestamp")?, first("num_timestamps")?);
-    let steps = usize::try_from(number).map_err(|_| TableError::OutOfBounds("it has less than no steps"))?;
+    // What is no number is no step, which the check of the scene says.
+    let steps = number as usize;
     budget.spend(steps)?;
-    let seconds = 1e-9 * (end as f64 - begin as f64);
-    let step = seconds / number.saturating_sub(1).max(1) as f64;
+    let step = 1e-9 * (end - begin) / steps.saturating_sub(1).max(1) as f64;
     if steps > 1 && !STEP_LENGTHS.contains(&step) {
         return Err(ArgoverseError::StepLength { seconds: format!("{step:.3}") });
     }

@@ -60,11 +60,15 @@ impl<'a> Table<'a> {
         found.ok_or(TableError::Missing(column))
     }
 
-    /// Numbers; not a number where there is nothing.
+    /// Numbers, whole or not; not a number where there is nothing.
     pub fn floats(&self, column: &'static str) -> Result<Vec<f64>, TableError> {
         let mut all = Vec::new();
         self.each(column, "numbers", |value| {
-            let float = if let Some(Value::Float(float)) = value { Some(float) } else { None };
+            let float = match value {
+                Some(Value::Float(float)) => Some(float),
+                Some(Value::Int(int)) => Some(int as f64),
+                Some(Value::Bytes(_)) | None => None,
+            };
             all.push(float.unwrap_or(f64::NAN));
             float.is_some() || value.is_none()
         })?;

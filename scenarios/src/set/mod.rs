@@ -41,9 +41,9 @@ pub struct SceneSet {
 }
 
 impl SceneSet {
-    /// The scenes of `inputs`: TFRecord files, packed or not, ScenarioNet's pickles, Argoverse 2's tables, folders (searched through, in order of names), globs, scene-set
-    /// TOML files ([`SetFile`]), indices ([`SceneSet::index`]), or the word `demo`. Nothing means `demo`. Their order is that of the inputs, of the names within
-    /// a folder or glob, and of the records within a file. A record that is there again with the same bytes counts once.
+    /// The scenes of `inputs`: TFRecord files, packed or not, ScenarioNet's pickles, Argoverse 2's tables, folders (searched through, in order of
+    /// names), globs, scene-set TOML files ([`SetFile`]), indices ([`SceneSet::index`]), or the word `demo`. Nothing means `demo`. Their order is that
+    /// of the inputs, of the names within a folder or glob, and of the records within a file. A record that is there again with the same bytes counts once.
     ///
     /// Of each record of a plain file the length and its checksum are read, and as much as it takes to come to its id; a packed file is
     /// unpacked, and its payloads' checksums verified too. A damaged payload of a plain file, and a generated scene that cannot be made,
@@ -122,8 +122,8 @@ impl SceneSet {
         Ok((Arc::new(scene), findings))
     }
 
-    /// SHA-256 of the payload of scene `index`, of the whole pickle, or of the table and the map behind it, in hexadecimal digits: which scene it is, whatever its file is called.
-    /// It is read for that, unless it was before.
+    /// SHA-256 of the payload of scene `index`, of the whole pickle, or of the table and the map behind it, in hexadecimal digits: which scene it is,
+    /// whatever its file is called. It is read for that, unless it was before.
     ///
     /// # Errors
     /// [`SetError`] if it cannot be read, is damaged, or has changed since the set was opened.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 
-use arrow_array::{Int64Array, StringArray};
+use arrow_array::{Float64Array, Int64Array, StringArray};
 use scenarios::argoverse::{self, ArgoverseError, TableError};
 use scenarios::fuzzing::tabled::{self, Columns};
 use scenarios::generated::Family;
@@ -406,7 +406,7 @@ fn a_small_table_takes_little_memory_whatever_it_claims() {
 
 /// A column of one value, repeated.
 fn repeated(row: &arrow_array::ArrayRef, indices: &Int64Array) -> arrow_array::ArrayRef {
-    use arrow_array::{Array, BooleanArray, Float64Array};
+    use arrow_array::{Array, BooleanArray};
     let count = indices.len();
     if let Some(values) = row.as_any().downcast_ref::<Int64Array>() {
         Arc::new(Int64Array::from(vec![values.value(0); count]))
@@ -418,6 +418,18 @@ fn repeated(row: &arrow_array::ArrayRef, indices: &Int64Array) -> arrow_array::A
         let values = row.as_any().downcast_ref::<StringArray>().unwrap();
         Arc::new(StringArray::from_iter_values(vec![values.value(0); count]))
     }
+}
+
+#[test]
+fn times_may_be_floats_as_who_writes_what_was_read_has_them() {
+    let (mut columns, map) = packed(&scene("following"));
+    let whole = argoverse::read(&table(columns.clone()), &map).unwrap();
+    for name in ["start_timestamp", "end_timestamp"] {
+        let column = &mut columns.iter_mut().find(|(column, _)| *column == name).unwrap().1;
+        let values = column.as_any().downcast_ref::<Int64Array>().unwrap().values();
+        *column = Arc::new(Float64Array::from_iter_values(values.iter().map(|value| *value as f64)));
+    }
+    assert_eq!(argoverse::read(&table(columns), &map).unwrap(), whole);
 }
 
 #[test]
