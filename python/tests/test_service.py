@@ -7,15 +7,15 @@ import pandas
 
 import reloop
 from reloop import messages
-from reloop.service import settings_message
+from reloop.settings import settings
 
 
 class SettingsTest(unittest.TestCase):
     def test_settings_are_those_of_sim_run(self):
-        made = settings_message(driver="idm", set=["horizon=9"], scenes="small", in_process=True)
+        made = settings(driver="idm", set=["horizon=9"], scenes="small", in_process=True)
         self.assertEqual((made.driver, list(made.set), list(made.scenes)), ("idm", ["horizon=9"], ["small"]))
         with self.assertRaisesRegex(TypeError, "'out' is no setting; there are driver"):
-            settings_message(out="/tmp/x")
+            settings(out="/tmp/x")
 
     def test_a_secret_that_is_no_key_is_not_shown(self):
         with self.assertRaisesRegex(reloop.NodeError, r"secret \*\*\*"):
@@ -59,7 +59,7 @@ class ServiceTest(unittest.TestCase):
             self.service.submit(planner_command="true")
         with self.assertRaisesRegex(reloop.ServiceError, "there is no run"):
             list(self.service.watch("nothing"))
-        with self.assertRaisesRegex(reloop.ServiceError, "no scene set \"none\" is offered"):
+        with self.assertRaisesRegex(reloop.ServiceError, 'no scene set "none" is offered'):
             self.service.open("x", "idm", sets=["none"])
 
     def test_a_session_is_stepped_forked_and_driven_to_its_end(self):

@@ -13,6 +13,7 @@
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use thiserror::Error;
 
@@ -23,6 +24,9 @@ use crate::settings::{RunFile, SettingsError};
 
 /// Where runs go that have no folder given.
 pub const RUNS: &str = "runs";
+
+/// What a sim says whose folder another one holds.
+pub const BUSY: &str = "another sim works in";
 
 /// A folder that a run cannot use.
 #[derive(Debug, Error)]
@@ -36,7 +40,7 @@ pub enum FolderError {
     NotARun(PathBuf),
     #[error("{} is there and no folder, but a run is one\nhint: give another name with --out", .0.display())]
     NotAFolder(PathBuf),
-    #[error("another sim works in {}\nhint: wait for it, or give another folder with --out", .0.display())]
+    #[error("{busy} {}\nhint: wait for it, or give another folder with --out", .0.display(), busy = BUSY)]
     Busy(PathBuf),
     #[error("{} holds another run:\n  {}\nhint: repeat the command it was begun with, or give another folder with --out",
             path.display(), differences.join("\n  "))]
@@ -48,7 +52,7 @@ pub enum FolderError {
 pub struct Folder {
     path: PathBuf,
     /// Held until the folder is dropped: two sims in one folder would take each other's parts for their own.
-    _lock: File,
+    lock: Arc<File>,
 }
 
 /// The SHA-256 of a run's scenes in their order, empty where there is none. They are read for that.
@@ -136,10 +140,16 @@ impl Folder {
         let lock = path.join(".lock");
         let file = File::create(&lock).map_err(at("create", &lock))?;
         match file.try_lock() {
-            Ok(()) => Ok(Self { path: path.to_owned(), _lock: file }),
+            Ok(()) => Ok(Self { path: path.to_owned(), lock: Arc::new(file) }),
             Err(fs::TryLockError::WouldBlock) => Err(FolderError::Busy(path.to_owned())),
             Err(fs::TryLockError::Error(error)) => Err(at("lock", &lock)(error).into()),
         }
+    }
+
+    /// Its lock, for who holds it longer than the folder: until all of them are dropped no other sim works there.
+    #[must_use]
+    pub fn lock_held(&self) -> Arc<File> {
+        Arc::clone(&self.lock)
     }
 
     /// Its path.

@@ -31,6 +31,7 @@ from .bus_session import config
 from .errors import ServiceError
 from .keys import service_key
 from .session import Session
+from .settings import settings as _settings
 
 if TYPE_CHECKING:
     import pandas
@@ -270,26 +271,6 @@ class Service:
 
 class _Gone(ServiceError):
     """Asking again may help."""
-
-
-def settings_message(**settings: Any) -> Any:
-    """The message ``Settings`` of these options of ``sim run``.
-
-    Raises ``TypeError`` where one is none.
-    """
-    made = messages.service("Settings")()
-    fields = made.DESCRIPTOR.fields_by_name
-    for option, value in settings.items():
-        if option not in fields:
-            raise TypeError(f"{option!r} is no setting; there are {', '.join(fields)}")
-        if option in ("set", "scenes"):
-            getattr(made, option).extend([value] if isinstance(value, str) else value)
-        elif value is not None:
-            setattr(made, option, value)
-    return made
-
-
-_settings = settings_message
 
 
 def _run(message: Any) -> Run:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
 from . import messages
+from .errors import ServiceError
+from .settings import settings as _settings
 from .views.agents import Agents, agents
 from .views.scene import Scene
 from .views.state import State, state
@@ -117,21 +120,13 @@ class Session:
 
         ``settings`` are those of ``Service.submit``, as far as they say who drives: scenes and rules stay.
         """
-        from .service import settings_message
-
-        asked = messages.service("Fork")(
-            session=self.id, step=step, settings=settings_message(driver=driver, **settings)
-        )
+        asked = messages.service("Fork")(session=self.id, step=step, settings=_settings(driver=driver, **settings))
         return Session(self._ask, self._ask(fork=asked).session)
 
     def close(self) -> None:
         """Closes it. One that is gone is closed."""
-        from .errors import ServiceError
-
-        try:
+        with contextlib.suppress(ServiceError):
             self._ask(close=messages.service("Close")(session=self.id))
-        except ServiceError:
-            pass
 
     def _hear(self, told: Any) -> None:
         self._now = told

@@ -244,6 +244,8 @@ pub fn run_task(
         folder.reopen()?;
     }
     let path = folder.path().to_owned();
+    // Until nothing is left to be removed: another sim may wait for the folder.
+    let _lock = folder.lock_held();
     let done = drive_pending(task, file, folder, progress, clock, console, interrupts);
     if done.is_err() {
         results::folder::remove_if_nothing_is_done(&path);

@@ -20,7 +20,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use results::files::FileError;
-use results::folder::is_busy;
+use results::folder::{BUSY, is_busy};
 use results::summary::Summary;
 use wire::proto::service::refusal::Code;
 use wire::proto::service::{self as message, News, Refusal, RunState};
@@ -409,9 +409,13 @@ impl Runs {
                 Ok(standing) => self.over(name, standing),
                 Err(why) => self.over(name, Standing::Failed { why }),
             },
-            // Somebody else has the folder just now, or the service is ending: it is driven on later.
-            Some(2) if is_busy(&folder) => {}
-            Some(2) => self.over(name, Standing::Failed { why: last_error(name, &log) }),
+            Some(2) => {
+                let why = last_error(name, &log);
+                // One of an earlier service was still on its way out: it is driven on when that has left.
+                if !why.starts_with(BUSY) {
+                    self.over(name, Standing::Failed { why });
+                }
+            }
             Some(INTERRUPTED) if was_asked => {}
             _ => {
                 let deaths = self.deaths.entry(name.to_owned()).or_default();
