@@ -39,7 +39,7 @@ impl<'p> Guidance<'p> {
 }
 
 impl Aged<'_> {
-    /// The control of the plan for this step, if it thinks in controls: none for the vehicle to hold still where it has run out.
+    /// The control of the plan for this step, if it thinks in controls; the inner one is none where they have run out.
     pub(crate) fn control(&self) -> Option<Option<Control>> {
         self.plan.controls().map(|controls| controls.get(self.age as usize).copied())
     }

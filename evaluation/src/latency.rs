@@ -106,7 +106,7 @@ fn draw(svg: &mut String, lines: &[Line<'_>], scenes: usize) -> Result<(), Strin
     root.fill(&WHITE).map_err(|error| told(&error))?;
     let (head, body) = root.split_vertically(legend);
     let text = |area: &DrawingArea<_, _>, words: String, place: (i32, i32), colour: &RGBColor| {
-        area.draw(&Text::new(words, place, ("sans-serif", 17).into_font().color(colour))).map_err(|error| told(&error))
+        area.draw(&Text::new(words, place, ("sans-serif", 21).into_font().color(colour))).map_err(|error| told(&error))
     };
     text(&head, format!("Score against latency, mean over {scenes} scenes"), (16, 8), &BLACK)?;
     for (index, line) in lines.iter().enumerate() {
@@ -138,7 +138,7 @@ fn panel_of<B: DrawingBackend>(
     let (right, top) = (if right > 0.0 { 1.04 * right } else { 1.0 }, if top > 0.0 { 1.06 * top } else { 1.0 });
     let mut chart = ChartBuilder::on(area)
         .margin(14)
-        .caption(name, ("sans-serif", 17))
+        .caption(name, ("sans-serif", 21))
         .x_label_area_size(38)
         .y_label_area_size(46)
         .build_cartesian_2d(0.0..right, 0.0..top)?;
@@ -151,7 +151,7 @@ fn panel_of<B: DrawingBackend>(
         .x_label_formatter(&|value| format!("{value:.0}"))
         .y_label_formatter(&|value| format!("{value:.digits$}"))
         .light_line_style(TRANSPARENT)
-        .label_style(("sans-serif", 13))
+        .label_style(("sans-serif", 17))
         .draw()?;
     for (index, line) in lines.iter().enumerate() {
         let colour = COLOURS[index % COLOURS.len()];

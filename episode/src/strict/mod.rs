@@ -190,7 +190,7 @@ impl Strict {
     /// Where the AV is that follows a plan for a part of a step (us). Without a plan it keeps its speed and its wheels as they are.
     fn follow(&mut self, now: &VehicleState, plan: Option<Aged<'_>>, part: Range<u32>) -> VehicleState {
         let steering = self.control.steering;
-        let seconds = f64::from(part.end - part.start) / 1e6;
+        let seconds = f64::from(part.end.saturating_sub(part.start)) / 1e6;
         let hold = Control { acceleration: 0.0, steering };
         let wanted = plan.map_or(hold, |plan| match plan.control() {
             Some(control) => control.unwrap_or(hold),

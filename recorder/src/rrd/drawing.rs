@@ -6,6 +6,7 @@ use re_sdk_types::blueprint::components::PlayState;
 use re_sdk_types::components::{LineStrip3D, Radius};
 use rrd::{RrdError, Store, color};
 use wire::proto::{self, AgentKind};
+use world::plan::STEP_SECONDS;
 
 use super::blueprint;
 use super::columns::{Boxes, Frame, Lines, Points, Series, Texts};
@@ -39,18 +40,24 @@ struct Plots {
     acceleration: Series,
     steering: Series,
     time_to_collision: Series,
+    /// Under a latency.
+    plan_age: Series,
 }
 
 impl Plots {
     /// The plots' names, paths and ranges: a car that goes straight is not to show the noise of its steering.
-    fn views(&self) -> [(&'static str, &'static str, [f64; 2]); 4] {
+    fn views(&self) -> Vec<(&'static str, &'static str, [f64; 2])> {
         let [speed, limit] = [&self.speed, &self.limit].map(|series| series.range([0.0, 5.0]));
-        [
+        let mut views = vec![
             ("Speed (m/s)", "/plots/speed", [speed[0], if limit[1] > speed[1] { limit[1] } else { speed[1] }]),
             ("Acceleration (m/s²)", "/plots/acceleration", self.acceleration.range([-1.0, 1.0])),
             ("Steering (rad)", "/plots/steering", self.steering.range([-0.05, 0.05])),
             ("Time to collision (s)", "/plots/time_to_collision", self.time_to_collision.range([0.0, 3.0])),
-        ]
+        ];
+        if !self.plan_age.is_blank() {
+            views.push(("Age of the plan (s)", "/plots/plan_age", self.plan_age.range([0.0, 0.5])));
+        }
+        views
     }
 }
 
@@ -200,6 +207,8 @@ impl Drawing {
         plots.acceleration.push(step, record.control.as_ref().map(|control| control.acceleration));
         plots.steering.push(step, record.control.as_ref().map(|control| control.steering));
         plots.time_to_collision.push(step, record.time_to_collision);
+        let age = record.plan_age.filter(|age| *age >= 0);
+        plots.plan_age.push(step, age.map(|age| f64::from(age) * STEP_SECONDS));
         self.last = record.av.map(|av| Last { step: step.saturating_add(1), av, logged: record.logged_av });
     }
 
@@ -314,7 +323,7 @@ impl Drawing {
         self.plan.log(store, "world/plan")?;
         self.signals.log(store, "world/signals", 0.7)?;
         let plots = self.plots;
-        let series: [(&str, &str, Series, Rgba); 5] = [
+        let mut series: Vec<(&str, &str, Series, Rgba)> = vec![
             ("plots/speed/av", "speed", plots.speed, palette::AV),
             ("plots/speed/limit", "limit", plots.limit, palette::LIMIT),
             ("plots/acceleration", "acceleration", plots.acceleration, palette::agent(AgentKind::Pedestrian)),
@@ -326,6 +335,9 @@ impl Drawing {
                 palette::signal(proto::SignalState::Stop),
             ),
         ];
+        if !plots.plan_age.is_blank() {
+            series.push(("plots/plan_age", "age of the plan", plots.plan_age, palette::AV));
+        }
         for (path, name, series, rgba) in series {
             let style = SeriesLines::new().with_colors([color(rgba)]).with_names([name]).with_widths([1.6]);
             store.log(path, &style)?;
