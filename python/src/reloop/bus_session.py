@@ -45,6 +45,8 @@ _MEANINGS = {
     "certificate: BadSignature": _OTHER_SIM,
     "not valid for name": "its certificate is not for this name\n"
     "  hint: name it as its certificate does, --endpoint tls/NAME:PORT",
+    "Permission denied": "it belongs to another user of this machine\n"
+    "  hint: whoever runs the sim can let others in by --endpoint",
     "early eof": "it hung up\n  hint: does it speak TLS? Then it is --endpoint tls/NAME:PORT, with a --zenoh-config",
 }
 
@@ -77,6 +79,8 @@ def open_session(options: Options) -> zenoh.Session:
     except zenoh.ZError as error:
         said = _reason(error)
     meaning = next((meaning for what, meaning in _MEANINGS.items() if what in said), None)
+    if "Connection refused" in said or "No such file" in said:
+        said = "nobody listens there"
     hint = "\n  hint: is the run still on? `sim run -v` names its endpoint in its log"
     raise NodeError(f"cannot reach a sim at {options.endpoint}: {meaning or said + hint}")
 

@@ -38,6 +38,10 @@ pub(super) fn explained(said: &str) -> String {
             "its certificate has expired\n  hint: whoever runs the simulator must renew it",
         ),
         (
+            "Permission denied",
+            "it belongs to another user of this machine\n  hint: whoever runs the simulator can let others in by --endpoint",
+        ),
+        (
             "early eof",
             "it hung up\n  hint: does it speak TLS? Then it is --endpoint tls/NAME:PORT, with a --zenoh-config",
         ),
@@ -46,10 +50,12 @@ pub(super) fn explained(said: &str) -> String {
             "it does not speak TLS\n  hint: then it is --endpoint tcp/HOST:PORT, and nothing there is encrypted",
         ),
     ];
-    known.iter().find(|(what, _)| said.contains(what)).map_or_else(
-        || format!("{said}\n  hint: `sim run -v` names its endpoint in its log; is the run still on?"),
-        |(_, meaning)| (*meaning).to_owned(),
-    )
+    let meaning = known.iter().find(|(what, _)| said.contains(what)).map(|(_, meaning)| (*meaning).to_owned());
+    let nobody = ["Connection refused", "No such file"].iter().any(|what| said.contains(what));
+    meaning.unwrap_or_else(|| {
+        let said = if nobody { "nobody listens there" } else { said };
+        format!("{said}\n  hint: `sim run -v` names its endpoint in its log; is the run still on?")
+    })
 }
 
 /// What the log of Zenoh's TLS links means when somebody was not let in. Zenoh says neither who it was, nor anything that helps: its own
@@ -78,7 +84,8 @@ mod tests {
     fn what_zenoh_says_is_told_in_words_that_help() {
         let without = explained("received fatal alert: CertificateRequired");
         assert!(without.contains("without a certificate") && without.contains("hint: "), "{without}");
-        assert!(explained("Connection refused (os error 111)").starts_with("Connection refused"));
+        assert!(explained("Connection refused (os error 111)").starts_with("nobody listens there\n  hint: "));
+        assert!(explained("No route to host").starts_with("No route to host\n  hint: "));
         let sim = refused_by_tls("invalid peer certificate: UnknownIssuer. Hint: increase the system open file limit.");
         assert_eq!(
             sim.as_deref(),

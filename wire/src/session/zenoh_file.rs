@@ -173,8 +173,10 @@ impl ZenohFile {
         // Zenoh takes null for what nobody said.
         if let Err(e) = Config::default().insert_json5(field, &value.to_string()) {
             let said = super::reason(&e);
-            let expected = said.rsplit_once(", expected ").map(|(_, expected)| format!("expected {expected}"));
-            return Err(bad(expected.unwrap_or_else(|| "there is no such field".to_owned())));
+            let expected = said.rsplit_once(", expected ").and_then(|(_, rest)| rest.split('"').next());
+            return Err(bad(
+                expected.map_or("there is no such field".to_owned(), |expected| format!("expected {expected}"))
+            ));
         }
         let value = match (names_a_file(field), value) {
             (true, Value::String(name)) => {
