@@ -50,10 +50,17 @@ struct Line<'r> {
     runs: Vec<(f64, &'r Summary)>,
 }
 
+impl Line<'_> {
+    /// Whether there are two latencies, and not the same one under two protocols.
+    fn is_a_sweep(&self) -> bool {
+        self.runs.windows(2).any(|pair| pair[0].1.latency != pair[1].1.latency)
+    }
+}
+
 /// Whether `runs` can tell score against latency: one driver at least has runs at two latencies.
 #[must_use]
 pub fn is_a_sweep(runs: &[Summary]) -> bool {
-    lines(runs).iter().any(|line| line.runs.len() > 1)
+    lines(runs).iter().any(Line::is_a_sweep)
 }
 
 /// The plot of `runs`, a line a driver.
@@ -67,7 +74,7 @@ pub fn plot(runs: &[Summary]) -> Result<String, LatencyPlotError> {
         return Err(LatencyPlotError::Different);
     }
     let lines = lines(runs);
-    if !lines.iter().any(|line| line.runs.len() > 1) {
+    if !lines.iter().any(Line::is_a_sweep) {
         return Err(LatencyPlotError::TooFew);
     }
     let mut svg = String::new();
@@ -190,6 +197,8 @@ mod tests {
         let usual = run("idm", "bicycle", "runs/x");
         assert!(matches!(plot(&[usual.clone(), late("dipp", "80ms")]), Err(LatencyPlotError::TooFew)));
         assert!(!is_a_sweep(std::slice::from_ref(&usual)) && is_a_sweep(&[usual.clone(), late("idm", "80ms")]));
+        // The same driver twice, as under two protocols.
+        assert!(!is_a_sweep(&[usual.clone(), usual.clone()]));
         let mut other = late("idm", "80ms");
         other.changes.push("horizon = 80".to_owned());
         assert!(matches!(plot(&[usual, other]), Err(LatencyPlotError::Different)));

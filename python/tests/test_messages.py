@@ -49,6 +49,7 @@ def built_in(name):
         9: "string",
         12: "bytes",
         13: "uint32",
+        17: "sint32",
         18: "sint64",
     }
     found = {}

@@ -129,6 +129,9 @@ fn help_says_what_can_be_typed() {
           --endpoint <WHERE>             Where to listen for nodes of others: tcp/HOST:PORT, or
                                          tls/HOST:PORT with --zenoh-config [default: nowhere but at a
                                          socket of your own]
+          --view                         Show the run in the Rerun viewer while it is driven: in one
+                                         that is open, else `rerun` is started. The run never waits for
+                                         it
           --zenoh-config <FILE>          A Zenoh configuration (JSON5) with the sim's certificate, to
                                          listen to other hosts by TLS; docs/hosts.md has examples
           --planner-certificate <NAMES>  Whose certificate a planner that you start yourself must have,
