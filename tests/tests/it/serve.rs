@@ -16,6 +16,7 @@ use wire::proto::service::refusal::Code;
 use wire::proto::service::{Ask, Close, Fork, Open, Session, Settings, Step, Submit, ask, reply};
 use wire::service::{Client, ServiceError};
 
+use crate::hosts::certificates;
 use crate::killed::Moments;
 use crate::python::{python, tests};
 use crate::stage::{Stage, assert_same, wait_until};
@@ -33,8 +34,12 @@ struct Service<'a> {
 impl<'a> Service<'a> {
     /// Starts one that offers the small set.
     fn start(stage: &'a Stage, arguments: &str) -> Self {
+        Self::start_at(stage, "tcp/127.0.0.1:0", arguments)
+    }
+
+    fn start_at(stage: &'a Stage, endpoint: &str, arguments: &str) -> Self {
         let arguments = format!("serve --runs served --sets small.toml {arguments}");
-        let process = begin(stage, &format!("{arguments} --endpoint tcp/127.0.0.1:0"));
+        let process = begin(stage, &format!("{arguments} --endpoint {endpoint}"));
         let mut service = Self { stage, arguments, endpoint: String::new(), process };
         wait_until("the service says where it is", || {
             let said = service.said();
@@ -79,6 +84,22 @@ impl<'a> Service<'a> {
     fn connect(&self) -> Client {
         Client::connect(&self.endpoint, Secret::from(SECRET), None).unwrap()
     }
+}
+
+#[test]
+fn a_service_that_listens_by_tls_is_asked_by_who_has_a_certificate_and_by_nobody_else() {
+    let stage = Stage::new();
+    let Some(()) = certificates(&stage) else { return };
+    let service = Service::start_at(&stage, "tls/localhost:0", "--zenoh-config sim.json5");
+    let submitted = service.good(
+        "submit --driver idm --sets small --record none --latency 80ms --in-process --watch --zenoh-config viewer.json5",
+    );
+    assert!(submitted.contains("latency") && submitted.contains("digest "), "{submitted}");
+    for who in ["stranger", "nobody"] {
+        let said = service.bad(&format!("status --zenoh-config {who}.json5"));
+        assert!(said.contains("certificate") && said.contains("hint: "), "{said}");
+    }
+    assert!(service.good("status --zenoh-config viewer.json5").contains("3 of 3"));
 }
 
 impl Drop for Service<'_> {
