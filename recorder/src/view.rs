@@ -12,7 +12,7 @@ use std::io::Write as _;
 use std::os::unix::process::CommandExt as _;
 use std::process::{ChildStdin, Command, Stdio};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -31,13 +31,11 @@ const VIEWER: &str = "rerun";
 /// What the viewer keeps at most: then it drops what is oldest.
 const VIEWER_MEMORY: &str = "2GB";
 
-/// Messages that may wait for the drawer: some two episodes.
-const MESSAGES: usize = 1024;
-
-/// Bytes that may wait for the viewer.
+/// Bytes that may wait for the drawer, and as many for the viewer.
 const WAITING: usize = 64 << 20;
 
-/// Pieces that may wait for the viewer.
+/// Messages that may wait for the drawer, and pieces for the viewer: however small they are.
+const MESSAGES: usize = 1 << 16;
 const PIECES: usize = 4096;
 
 /// An episode is drawn on after so many of its messages, or so long.
@@ -63,11 +61,32 @@ pub enum ViewError {
     Viewer(std::io::Error),
 }
 
+/// Room for so many bytes as may wait.
+#[derive(Debug, Default)]
+struct Room(AtomicUsize);
+
+impl Room {
+    /// Whether there is room for `bytes`; then they have it.
+    fn take(&self, bytes: usize) -> bool {
+        let fits = self.0.load(Ordering::Relaxed) + bytes <= WAITING;
+        if fits {
+            self.0.fetch_add(bytes, Ordering::Relaxed);
+        }
+        fits
+    }
+
+    fn give_back(&self, bytes: usize) {
+        self.0.fetch_sub(bytes, Ordering::Relaxed);
+    }
+}
+
 /// What was not shown.
 #[derive(Debug, Default)]
 struct LeftOut {
     messages: AtomicUsize,
     pieces: AtomicUsize,
+    /// The viewer is gone: nothing more is for anybody to see.
+    is_gone: AtomicBool,
 }
 
 /// Shows a run until it ends, or the viewer does. A viewer of this machine that runs already shows it, else one is started, which stays.
@@ -84,13 +103,13 @@ pub fn view(options: &Options) -> Result<Stop, ViewError> {
     viewer.env("RUST_LOG", "error").stdin(Stdio::piped()).stdout(Stdio::null()).process_group(0);
     let mut viewer = viewer.spawn().map_err(ViewError::Viewer)?;
     let left_out = Arc::new(LeftOut::default());
-    let waiting = Arc::new(AtomicUsize::new(0));
+    let (waiting, unread) = (Arc::new(Room::default()), Arc::new(Room::default()));
     let (pieces, written) = sync_channel(PIECES);
     let (done, is_done) = sync_channel(1);
     if let Some(stdin) = viewer.stdin.take() {
-        let waiting = Arc::clone(&waiting);
+        let (waiting, left_out) = (Arc::clone(&waiting), Arc::clone(&left_out));
         thread::spawn(move || {
-            write(stdin, &written, &waiting);
+            write(stdin, &written, &waiting, &left_out.is_gone);
             let _ = done.try_send(());
         });
     }
@@ -102,14 +121,24 @@ pub fn view(options: &Options) -> Result<Stop, ViewError> {
         open: BTreeMap::new(),
         passed_over: BTreeSet::new(),
         has_layout: false,
+        unread: Arc::clone(&unread),
         outlet: Outlet { pieces, waiting, left_out: Arc::clone(&left_out) },
     };
     let drawing = thread::spawn(move || drawer.draw(&heard));
     let (door, lost) = (messages, Arc::clone(&left_out));
     connection.subscribe(&CHANNELS, move |address, payload| {
-        if door.try_send((address, payload.to_bytes().into_owned())).is_err() {
-            lost.messages.fetch_add(1, Ordering::Relaxed);
+        if lost.is_gone.load(Ordering::Relaxed) {
+            return;
         }
+        let bytes = payload.len();
+        let has_room = unread.take(bytes);
+        if has_room && door.try_send((address, payload.to_bytes().into_owned())).is_ok() {
+            return;
+        }
+        if has_room {
+            unread.give_back(bytes);
+        }
+        lost.messages.fetch_add(1, Ordering::Relaxed);
     })?;
     let stop = connection.stay(LULL)?;
     // The connection is closed, and with it the door: what was heard is drawn and written, as far as the viewer takes it.
@@ -121,7 +150,7 @@ pub fn view(options: &Options) -> Result<Stop, ViewError> {
         tracing::warn!("the viewer takes nothing any more, and is left alone");
     }
     let [messages, pieces] = [&left_out.messages, &left_out.pieces].map(|count| count.load(Ordering::Relaxed));
-    if messages + pieces > 0 {
+    if messages + pieces > 0 && !left_out.is_gone.load(Ordering::Relaxed) {
         tracing::warn!(
             "the view was slower than the run: {messages} messages and {pieces} pieces of the drawing were left out; recordings hold all"
         );
@@ -130,11 +159,12 @@ pub fn view(options: &Options) -> Result<Stop, ViewError> {
 }
 
 /// Writes pieces into the viewer until there are no more, or the viewer is gone.
-fn write(mut viewer: ChildStdin, pieces: &Receiver<Vec<u8>>, waiting: &AtomicUsize) {
+fn write(mut viewer: ChildStdin, pieces: &Receiver<Vec<u8>>, waiting: &Room, is_gone: &AtomicBool) {
     for piece in pieces {
         let written = viewer.write_all(&piece).and_then(|()| viewer.flush());
-        waiting.fetch_sub(piece.len(), Ordering::Relaxed);
+        waiting.give_back(piece.len());
         if let Err(error) = written {
+            is_gone.store(true, Ordering::Relaxed);
             tracing::warn!("the viewer is gone, and the run goes on without it: {error}");
             return;
         }
@@ -144,8 +174,7 @@ fn write(mut viewer: ChildStdin, pieces: &Receiver<Vec<u8>>, waiting: &AtomicUsi
 /// The way to the viewer.
 struct Outlet {
     pieces: SyncSender<Vec<u8>>,
-    /// Bytes on the way.
-    waiting: Arc<AtomicUsize>,
+    waiting: Arc<Room>,
     left_out: Arc<LeftOut>,
 }
 
@@ -153,15 +182,12 @@ impl Outlet {
     /// Whether the piece is on its way.
     fn give(&self, piece: Vec<u8>) -> bool {
         let bytes = piece.len();
-        let fits = self.waiting.load(Ordering::Relaxed) + bytes <= WAITING;
-        if fits {
-            self.waiting.fetch_add(bytes, Ordering::Relaxed);
-        }
-        if fits && self.pieces.try_send(piece).is_ok() {
+        let has_room = self.waiting.take(bytes);
+        if has_room && self.pieces.try_send(piece).is_ok() {
             return true;
         }
-        if fits {
-            self.waiting.fetch_sub(bytes, Ordering::Relaxed);
+        if has_room {
+            self.waiting.give_back(bytes);
         }
         self.left_out.pieces.fetch_add(1, Ordering::Relaxed);
         false
@@ -180,6 +206,8 @@ struct Drawer {
     passed_over: BTreeSet<Place>,
     /// The layout is with the viewer.
     has_layout: bool,
+    /// Of what is heard, the room that it had.
+    unread: Arc<Room>,
     outlet: Outlet,
 }
 
@@ -202,6 +230,7 @@ impl Drawer {
     }
 
     fn take(&mut self, address: Address, payload: Vec<u8>) {
+        self.unread.give_back(payload.len());
         let Address { worker, scene, channel } = address;
         let message = match Message::decode(channel, payload) {
             Ok(message) => message,

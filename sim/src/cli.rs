@@ -148,7 +148,7 @@ const DEADLINE: Duration = Duration::from_secs(5);
 /// `sim run`.
 #[derive(Debug, Args)]
 pub struct RunArgs {
-    /// Scenes: WOMD TFRecord files, folders, globs, or scene-set TOML files [default: the built-in demo set]
+    /// Scenes: files of WOMD, ScenarioNet or Argoverse 2, folders, globs, or scene-set TOML files [default: the built-in demo set]
     #[arg(value_name = "PATH", help_heading = "What to drive")]
     pub paths: Vec<String>,
 

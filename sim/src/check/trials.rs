@@ -456,8 +456,9 @@ fn leaves(stand: Stand) -> Finding {
         Err(said) => doubts.push(format!("after the sim is gone {said}")),
         Ok(_) => {}
     }
-    match doubts.is_empty() {
-        true => Finding::holds(Rule::Leaves, "at the end of standard input, on SIGTERM, and when the sim leaves"),
-        false => Finding::doubtful(Rule::Leaves, doubts.join("; ")),
+    if doubts.is_empty() {
+        Finding::holds(Rule::Leaves, "at the end of standard input, on SIGTERM, and when the sim leaves")
+    } else {
+        Finding::doubtful(Rule::Leaves, doubts.join("; "))
     }
 }

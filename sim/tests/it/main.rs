@@ -104,8 +104,8 @@ fn help_says_what_can_be_typed() {
           --latency <HOW>                When plans take effect under `strict`: 80ms, measured,
                                          trace:FILE, dist:normal:80ms:20ms, ... (docs/latency.md)
                                          [default: at once]
-      [PATH]...                          Scenes: WOMD TFRecord files, folders, globs, or scene-set TOML
-                                         files [default: the built-in demo set]
+      [PATH]...                          Scenes: files of WOMD, ScenarioNet or Argoverse 2, folders,
+                                         globs, or scene-set TOML files [default: the built-in demo set]
 
     How to run:
           --out <DIR>                    The run's folder [default: runs/DRIVER-PROTOCOL-N]; an

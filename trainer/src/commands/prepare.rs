@@ -21,7 +21,7 @@ const INTERRUPTED: u8 = 130;
 /// Arguments of `prepare`.
 #[derive(Debug, Args)]
 pub struct Prepare {
-    /// WOMD TFRecord files (packed with gzip or zlib or not), folders or globs of them, scene-set TOML files, or the word demo
+    /// Files of WOMD, ScenarioNet or Argoverse 2, folders or globs of them, scene-set TOML files, or the word demo
     #[arg(value_name = "PATH", required = true)]
     paths: Vec<String>,
 
