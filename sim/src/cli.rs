@@ -140,6 +140,16 @@ impl Command {
             _ => false,
         }
     }
+
+    /// Where others come in, if they do.
+    #[must_use]
+    pub fn endpoint(&self) -> Option<&str> {
+        match self {
+            Self::Run(arguments) => arguments.endpoint.as_deref(),
+            Self::Serve(arguments) => Some(&arguments.endpoint),
+            _ => None,
+        }
+    }
 }
 
 /// How long an answer may take unless somebody says otherwise: what `--deadline` has as its default.

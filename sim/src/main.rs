@@ -46,7 +46,7 @@ fn main() -> ExitCode {
     let clock = WallClock::start();
     let cli: Cli = terminal::parse(terminal::REVISION);
     if cli.command.is_on_the_bus() {
-        bus_threads::settle();
+        bus_threads::settle(cli.command.endpoint());
     }
     let console = Console::new();
     // What the sim warns of is provoked there, and told in the report.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,8 @@ _CONNECT_TIMEOUT = 5.0
 #: How long either side may give no sign of life (ms): a month, which is to say for ever. A death is seen by the closed
 #: connection; who is silent and not dead was paused.
 _LEASE = 30 * 24 * 3600 * 1000
+#: One thread for all that Zenoh does, as ``wire/src/session/threads.rs`` has it.
+_ONE_THREAD = "(rx: (worker_threads: 1), tx: (handover: rx), acc: (handover: rx), app: (handover: rx), net: (handover: rx))"
 #: Fields of ``transport/link/tls`` that name files.
 _FILES = (
     "root_ca_certificate",
@@ -90,6 +93,9 @@ def config(zenoh_config: str | None, settings: dict[str, Any]) -> zenoh.Config:
 
     Raises ``NodeError`` where the file cannot be used.
     """
+    if any(endpoint.startswith("tls/") for endpoint in settings["connect/endpoints"]):
+        # In Zenoh 1.10.2 a connection by TLS that one thread reads while another writes is lost. Read when Zenoh is first used.
+        os.environ.setdefault("ZENOH_RUNTIME", _ONE_THREAD)
     made = zenoh.Config() if zenoh_config is None else _users(Path(zenoh_config))
     for key, value in settings.items():
         made.insert_json5(key, json.dumps(value))

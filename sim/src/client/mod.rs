@@ -19,7 +19,7 @@ use thiserror::Error;
 use wire::keys::Secret;
 use wire::proto::service::{self as message, Settings, ask, reply};
 use wire::service::{Client, ServiceError};
-use wire::session::{ZenohFile, ZenohFileError};
+use wire::session::{ZenohFile, ZenohFileError, settle_for};
 
 use crate::cli::{CancelArgs, ServiceArgs, SettingsArgs, SubmitArgs};
 use crate::serve::offer::is_name;
@@ -67,6 +67,7 @@ impl Service {
         let client =
             said.filter(|name| is_name(name) || arguments.client.is_some()).unwrap_or_else(|| "somebody".to_owned());
         let secret = secret::of_client(&arguments.endpoint)?;
+        settle_for(&arguments.endpoint);
         let zenoh_file = arguments.zenoh_config.as_deref().map(ZenohFile::read).transpose()?;
         Ok(Self { endpoint: arguments.endpoint.clone(), secret, zenoh_file, client, connection: None })
     }

@@ -1,11 +1,10 @@
-//! How many threads the bus has in this process. Zenoh reads that from the environment alone, and a program cannot safely change its own: it
-//! starts itself anew in its own place, which takes a few milliseconds and leaves the process number, the arguments and all streams as they are.
+//! How many threads the bus has in this process and in those that it starts.
 
 use std::num::NonZero;
 use std::process::Command;
 use std::thread;
 
-use wire::session::{RUNTIME_VARIABLE, runtime};
+use wire::session::{self, RUNTIME_VARIABLE, needs_one_thread, runtime};
 
 /// Threads of the bus: one serves some four workers.
 fn wanted() -> String {
@@ -14,21 +13,11 @@ fn wanted() -> String {
 }
 
 /// Returns once this process has them, or cannot have them: then all is as it should be, but slower. What the user says about Zenoh's
-/// threads holds.
-pub fn settle() {
-    if std::env::var_os(RUNTIME_VARIABLE).is_some() {
-        return;
-    }
-    #[cfg(unix)]
-    if let Ok(program) = std::env::current_exe() {
-        use std::os::unix::process::CommandExt as _;
-        let mut arguments = std::env::args_os();
-        let mut command = Command::new(program);
-        if let Some(name) = arguments.next() {
-            command.arg0(name);
-        }
-        // It returns only where it fails.
-        let _ = command.args(arguments).env(RUNTIME_VARIABLE, wanted()).exec();
+/// threads holds. `endpoint` is where others come in.
+pub fn settle(endpoint: Option<&str>) {
+    match endpoint.filter(|endpoint| needs_one_thread(endpoint)) {
+        Some(endpoint) => session::settle_for(endpoint),
+        None => session::settle(&wanted()),
     }
 }
 

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use tempfile::TempDir;
+use wire::session::RUNTIME_VARIABLE;
 
 /// How long anything may take before a test gives up.
 pub const PATIENCE: Duration = Duration::from_secs(120);
@@ -97,6 +98,7 @@ impl Stage {
         let mut command = Command::new(sim);
         command.args(arguments.split_whitespace()).current_dir(self.folder.path());
         command.env(MARK, self.folder.path()).env_remove("RUST_LOG").env_remove("COLUMNS");
+        command.env_remove(RUNTIME_VARIABLE);
         if let Some(lie) = &self.lie {
             command.env("RELOOP_LIE", lie);
         }
@@ -107,6 +109,7 @@ impl Stage {
     pub fn beside(&self, name: &str) -> Command {
         let mut command = Command::new(program(name));
         command.current_dir(self.folder.path()).env(MARK, self.folder.path()).env_remove("RUST_LOG");
+        command.env_remove(RUNTIME_VARIABLE);
         command
     }
 

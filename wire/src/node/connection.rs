@@ -158,7 +158,8 @@ enum Notice {
 }
 
 impl Connection {
-    /// Connects to the simulator.
+    /// Connects to the simulator. By TLS the program is first started anew in its own place, with one thread for the bus
+    /// ([`session::settle_for`]).
     ///
     /// # Errors
     /// [`NodeError`] where there is none.
@@ -168,6 +169,7 @@ impl Connection {
             None => Place::open_floor(&options.run),
         };
         let zenoh_file = options.zenoh_config.as_deref().map(ZenohFile::read).transpose()?;
+        session::settle_for(&options.endpoint);
         let session = session::open_client_with(&options.endpoint, zenoh_file.as_ref())?;
         let (admitted, subscribers) = (Arc::default(), Mutex::default());
         Ok(Self { options: options.clone(), place, session, admitted, subscribers })

@@ -9,10 +9,12 @@
 //! | `mod.rs` | opening sessions, sending |
 //! | `access.rs` | who may say and hear what |
 //! | `refusal.rs` | why somebody is not let in, in words that help |
+//! | `threads.rs` | how many threads they have |
 //! | `zenoh_file.rs` | a user's own Zenoh configuration |
 
 mod access;
 mod refusal;
+mod threads;
 mod zenoh_file;
 
 use std::net::{TcpListener, ToSocketAddrs};
@@ -27,6 +29,7 @@ use zenoh::{Config, Session, Wait};
 
 pub use access::Guarded;
 pub use refusal::refused_by_tls;
+pub use threads::{RUNTIME_VARIABLE, needs_one_thread, runtime, settle, settle_for};
 pub use zenoh_file::{ZenohFile, ZenohFileError};
 
 use crate::convert::MAX_MESSAGE_BYTES;
@@ -103,18 +106,6 @@ fn reason(error: &zenoh::Error) -> String {
         Some(end) if text[end..].contains(".rs:") => text[..end].to_owned(),
         _ => text,
     }
-}
-
-/// Where Zenoh reads from how many threads it may have, and nowhere else.
-pub const RUNTIME_VARIABLE: &str = "ZENOH_RUNTIME";
-
-/// What [`RUNTIME_VARIABLE`] is best set to, for so many threads. By default Zenoh waits for the network in one thread, reads in another and
-/// writes in a third: each step of a drive wakes all of them. So one does all three, and an answer that is given while reading wakes no
-/// other.
-#[must_use]
-pub fn runtime(threads: u16) -> String {
-    let handed_over = ["tx", "acc", "app", "net"].map(|name| format!("{name}: (handover: rx)")).join(", ");
-    format!("(rx: (worker_threads: {threads}), {handed_over})")
 }
 
 /// How a router is opened.
