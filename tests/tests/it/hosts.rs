@@ -194,7 +194,7 @@ fn a_viewer_who_knows_the_secret_hears_nothing_at_the_seat_and_10_000_lies_in_th
     let viewer = connect(&endpoint, Some(&ZenohFile::read(&stage.path("viewer.json5")).unwrap()));
     let name: RunName = RUN.parse().unwrap();
     let seat = Place::seat(&name, &Secret::from(SECRET)).unwrap();
-    let (heard, taped): (Arc<Mutex<Vec<String>>>, Arc<Mutex<Vec<String>>>) = Default::default();
+    let [heard, taped] = [(); 2].map(|()| Arc::new(Mutex::new(Vec::<String>::new())));
     let listen = |key: String, keys: &Arc<Mutex<Vec<String>>>| {
         let keys = Arc::clone(keys);
         let hear = move |sample: Sample| keys.lock().unwrap().push(sample.key_expr().to_string());
