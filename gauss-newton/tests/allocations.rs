@@ -16,13 +16,15 @@ fn with_inputs<T>(speed: f64, with: impl FnOnce(&Inputs<'_>) -> T) -> T {
     let heading: Vec<f64> = x.iter().map(|x| libm::atan(0.004 * x)).collect();
     let trajectory = |j: usize| (0..STEPS).map(|t| (8.0 * (j + 1) as f64 + 0.5 * t as f64, j as f64 - 3.0)).collect();
     let positions: [Vec<(f64, f64)>; NEIGHBORS] = std::array::from_fn(trajectory);
-    let neighbor = |j: usize| Neighbor { length: 4.5, width: 2.0, positions: &positions[j] };
+    let neighbor =
+        |j: usize| Neighbor { length: 4.5, width: 2.0, positions: &positions[j], headings: &[], deviations: &[] };
     let neighbors: [_; NEIGHBORS] = std::array::from_fn(|j| Some(neighbor(j)));
     with(&Inputs {
         line_x: &x,
         line_y: &y,
         line_heading: &heading,
         speed_target: 13.0,
+        speed_targets: None,
         stop_distance: Some(30.0),
         av: Vehicle { state: VehicleState { x: 0.0, y: 0.3, heading: 0.0, speed }, length: 5.0, width: 2.2 },
         present: None,
