@@ -20,6 +20,9 @@
 //! The row depends on position and heading of the AV. As p and q minimize, its derivative is that with p and q held. The line's
 //! direction, and so the margins' and deviations', are constants in derivatives, as nearest samples are.
 
+#[cfg(test)]
+mod tests;
+
 use world::trigonometry::sincos_all;
 use world::vehicle::VehicleState;
 
@@ -44,7 +47,7 @@ impl Margins {
 }
 
 /// How far (m) a disc at the end of its axis counts as further away.
-const SLIDE: f64 = 2.0;
+const SLIDE: f64 = 1.5;
 
 /// The disc stops this share of the box' width before its ends.
 const INSET: f64 = 0.375;

@@ -1,6 +1,5 @@
 //! Laws of the planner, over random situations.
 
-mod shapes;
 mod tree;
 
 use std::f64::consts::PI;
