@@ -1,8 +1,7 @@
 //! What trees of futures cost: a bend with ten neighbors who are uncertain, and futures in which other ones of them stop. One core.
 //!
-//! The floor. An iteration of a chain takes some 35,000 floating-point operations (`planner-node/benches/plan.rs`), with boxes 10,000
-//! more: 250 distances between centers, and up to a hundred meetings of 80 each. Two a cycle at 3 GHz make 7 us; the chain's recurrences bind, so
-//! that twice the floor is what to expect. A tree of k branches takes k times that, but for the trunk, whose controls are eliminated once.
+//! The floor. An iteration of a chain takes some 35,000 floating-point operations (`planner-node/benches/plan.rs`), with boxes 5,000
+//! more: 250 distances between centers, and some forty meetings of 80 each. Two a cycle at 3 GHz make 7 us. A tree of k branches takes k times that, but for the trunk, whose controls are eliminated once.
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs, reason = "a bench")]
 
 use std::hint::black_box;
@@ -21,7 +20,7 @@ const WANTED: [f64; BRANCHES] = [250.0, 475.0, 700.0];
 
 /// Microseconds of an iteration of so many branches at two operations a cycle and 3 GHz.
 fn floor(branches: usize) -> f64 {
-    let (own, shared) = (45_000.0, 15_000.0 * TRUNK as f64 / STEPS as f64);
+    let (own, shared) = (40_000.0, 15_000.0 * TRUNK as f64 / STEPS as f64);
     (own * branches as f64 - shared * (branches - 1) as f64) / 6000.0
 }
 
@@ -76,21 +75,23 @@ fn microseconds<T>(runs: u32, mut run: impl FnMut() -> T) -> f64 {
     (0..5).map(|_| round(&mut run)).fold(f64::INFINITY, |a, b| if b < a { b } else { a })
 }
 
-/// So many steps, whatever they bring.
-fn steps(fixed: usize, downhill: usize) -> Settings {
+/// Fifty fixed steps, whatever they bring.
+fn fifty() -> Settings {
     let settings = Settings::contingency(BicycleModel::default());
-    Settings { iterations: fixed, polish: downhill, absolute_tolerance: 0.0, relative_tolerance: 0.0, ..settings }
+    Settings { polish: 0, absolute_tolerance: 0.0, relative_tolerance: 0.0, ..settings }
 }
 
 fn main() {
     let problems: Vec<Problem> = (0..BRANCHES).map(problem).collect();
     let mut solver = TreeSolver::new(LinearSolver::Sweep);
-    // A good start: the chain's plan in the first future.
+    // A good start: the plan for the first future by the nearest neighbor's distance.
+    let model = BicycleModel::default();
     let mut chain = Solver::new(LinearSolver::Sweep);
-    chain.solve(&problems[0], &Settings::contingency(BicycleModel::default()), &Controls::ZERO).unwrap();
+    chain.solve(&problems[0], &Settings::strict(model), &Controls::ZERO).unwrap();
+    let refining = Settings::contingency(model).refining(8);
     let start = [chain.best().clone()];
     let mut at = Evaluation::default();
-    at.evaluate(&problems[0], &steps(0, 0).costing, &start[0]);
+    at.evaluate(&problems[0], &refining.costing, &start[0]);
     println!("{} safety rows at the start", at.safety().len());
     let mut group_of = Criterion::default().configure_from_args();
     let mut group = group_of.benchmark_group("tree");
@@ -99,17 +100,21 @@ fn main() {
         let share = 1.0 / count as f64;
         let branches: Vec<_> = problems[..count].iter().map(|problem| Branch { problem, probability: share }).collect();
         let tree = Tree { trunk: TRUNK, branches: &branches };
-        let iteration = microseconds(20, || solver.solve(&tree, &steps(50, 0), &start)) / 50.0;
-        let refinement = microseconds(100, || solver.solve(&tree, &steps(0, 8), &start));
+        let iteration = microseconds(20, || solver.solve(&tree, &fifty(), &start)) / 50.0;
+        let refinement = microseconds(100, || solver.solve(&tree, &refining, &start));
+        let summary = solver.solve(&tree, &refining, &start).unwrap();
         println!(
-            "{count} branches: an iteration {iteration:>6.1} us (floor {:>5.1}), 8 downhill {refinement:>6.0} us (floor {:>4.0}, wanted {})",
+            "{count} branches: an iteration {iteration:>5.1} us (floor {:>4.1}), {} downhill {refinement:>4.0} us (floor {:>3.0}, wanted {}), objective {:.1} to {:.1}",
             floor(count),
-            8.0 * floor(count),
+            summary.iterations,
+            summary.iterations as f64 * floor(count),
             WANTED[count - 1],
+            solver.history()[0],
+            summary.best_objective,
         );
-        group.bench_function(format!("refinement/{count}"), |b| b.iter(|| solver.solve(&tree, &steps(0, 8), &start)));
+        group.bench_function(format!("refinement/{count}"), |b| b.iter(|| solver.solve(&tree, &refining, &start)));
     }
-    group.bench_function("evaluate", |b| b.iter(|| at.evaluate(&problems[0], &steps(0, 0).costing, &start[0])));
+    group.bench_function("evaluate", |b| b.iter(|| at.evaluate(&problems[0], &refining.costing, &start[0])));
     group.finish();
     group_of.final_summary();
 }

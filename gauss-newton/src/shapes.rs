@@ -12,13 +12,16 @@
 //! row = (both radii + margin along) (1 - share)   where share < 1
 //! ```
 //!
-//! p and q are where the discs are on their axes. That sliding costs a little keeps the nearest pair unique and the row smooth: where boxes
-//! overlap, or one passes along the other, the row still falls towards the nearer end, and not sideways alone. Behind another
-//! car the row is what lacks to the margin along (m), as for discs. Who is uncertain costs no more where boxes touch, but from
-//! further off.
+//! p and q are where the discs are on their axes. They minimize, so the row's derivative by the AV's position and heading is that with p
+//! and q held, and it is smooth. The line's direction, and so margins and deviations, are constants in derivatives, as nearest samples are.
 //!
-//! The row depends on position and heading of the AV. As p and q minimize, its derivative is that with p and q held. The line's
-//! direction, and so the margins' and deviations', are constants in derivatives, as nearest samples are.
+//! Behind another car the row is what lacks to the margin along (m), as for discs. That sliding costs a little lets the row fall towards
+//! the nearer end where boxes are beside each other, and not sideways alone: else the AV would rather leave its lane than brake. Who is
+//! uncertain costs no more where boxes touch, but from further off.
+//!
+//! Who comes up to the AV from behind in its way does not count: it is not for the AV to keep that distance. A car that was come up to
+//! and driven through stays ahead: each meter past its center costs a meter more. So where a neighbor was counts at later looks
+//! ([`Side`]), and is a constant, too.
 
 #[cfg(test)]
 mod tests;
