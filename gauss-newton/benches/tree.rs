@@ -35,7 +35,7 @@ fn problem(future: usize) -> Problem {
     };
     let place = |j: usize, t: usize| {
         let along = 7.0 * (j / 2 + 1) as f64 + driven(j, t);
-        (along, 0.002 * along * along + if j % 2 == 0 { 0.4 } else { -2.9 })
+        (along, 0.002 * along * along + if j.is_multiple_of(2) { 0.4 } else { -2.9 })
     };
     let positions: Vec<Vec<_>> = (0..NEIGHBORS).map(|j| (0..STEPS).map(|t| place(j, t)).collect()).collect();
     let headings: Vec<Vec<_>> =
