@@ -8,6 +8,7 @@ use super::motion::StateChange;
 use super::objective::Evaluation;
 use super::rows::Rows;
 use super::sweep::BadPivot;
+use super::tree::Part;
 
 /// Unknowns: two a step, interleaved.
 pub const UNKNOWNS: usize = 2 * STEPS;
@@ -16,12 +17,38 @@ pub const UNKNOWNS: usize = 2 * STEPS;
 #[derive(Clone, Debug)]
 pub struct Dense {
     factor: Option<Cholesky<f64, Dyn>>,
+    unknowns: Unknowns,
     right: DVector<f64>,
 }
 
 impl Default for Dense {
     fn default() -> Self {
-        Self { factor: None, right: DVector::zeros(UNKNOWNS) }
+        let unknowns = Unknowns { trunk: STEPS, branches: 1 };
+        Self { factor: None, unknowns, right: DVector::zeros(UNKNOWNS) }
+    }
+}
+
+/// Those of a tree: the trunk's, then each branch's own.
+#[derive(Clone, Copy, Debug)]
+struct Unknowns {
+    trunk: usize,
+    branches: usize,
+}
+
+impl Unknowns {
+    fn count(self) -> usize {
+        2 * (self.trunk + self.branches * (STEPS - self.trunk))
+    }
+
+    /// The place of a branch's unknown.
+    fn of_tree(self, branch: usize, unknown: usize) -> usize {
+        if unknown < 2 * self.trunk { unknown } else { unknown + 2 * branch * (STEPS - self.trunk) }
+    }
+
+    /// The step of a place.
+    fn step(self, place: usize) -> usize {
+        let own = (STEPS - self.trunk).max(1);
+        if place / 2 < self.trunk { place / 2 } else { self.trunk + (place / 2 - self.trunk) % own }
     }
 }
 
@@ -49,43 +76,53 @@ pub fn jacobian(at: &Evaluation, weights: &[f64; TERMS]) -> DMatrix<f64> {
 }
 
 impl Dense {
-    /// Factorizes the normal matrix at this point.
+    /// Factorizes the normal matrix of a tree with these branches.
     ///
     /// # Errors
     /// [`BadPivot`], if the matrix is singular.
-    pub fn factorize(&mut self, at: &Evaluation, weights: &[f64; TERMS]) -> Result<(), BadPivot> {
-        let jacobian = jacobian(at, weights);
-        // J'J as the sum of each row's products; most entries of a row are zero. The factorization reads the lower half.
-        let mut normal: DMatrix<f64> = DMatrix::zeros(UNKNOWNS, UNKNOWNS);
-        for row in jacobian.row_iter() {
-            let entries: Vec<(usize, f64)> = row.iter().copied().enumerate().filter(|(_, v)| *v != 0.0).collect();
-            for (i, a) in &entries {
-                for (j, b) in entries.iter().take_while(|(j, _)| j <= i) {
-                    normal[(*i, *j)] += a * b;
+    pub(super) fn factorize(&mut self, parts: &[Part<'_>], trunk: usize) -> Result<(), BadPivot> {
+        self.unknowns = Unknowns { trunk, branches: parts.len() };
+        let count = self.unknowns.count();
+        // The sum of p J'J, and J'J that of each row's products; most entries of a row are zero. The factorization reads the lower half.
+        let mut normal: DMatrix<f64> = DMatrix::zeros(count, count);
+        for (k, part) in parts.iter().enumerate() {
+            for row in jacobian(part.at, part.weights).row_iter() {
+                let there = row.iter().copied().enumerate().filter(|(_, v)| *v != 0.0);
+                let entries: Vec<(usize, f64)> = there.map(|(i, v)| (self.unknowns.of_tree(k, i), v)).collect();
+                for (i, a) in &entries {
+                    for (j, b) in entries.iter().take_while(|(j, _)| j <= i) {
+                        normal[(*i, *j)] += part.probability * a * b;
+                    }
                 }
             }
         }
         let diagonal = normal.diagonal();
         let factor = Cholesky::new(normal).ok_or(BadPivot { step: 0 })?;
-        for i in 0..UNKNOWNS {
+        for i in 0..count {
             let root = factor.l_dirty()[(i, i)];
             if root * root <= SINGULAR * diagonal[i] || !root.is_finite() {
-                return Err(BadPivot { step: i / 2 });
+                return Err(BadPivot { step: self.unknowns.step(i) });
             }
         }
         self.factor = Some(factor);
         Ok(())
     }
 
-    /// Solves `matrix * solution = right`.
-    pub fn solve(&mut self, right: &Controls, solution: &mut Controls) {
-        self.right.iter_mut().zip(right.interleaved()).for_each(|(entry, v)| *entry = v);
+    /// Solves `matrix * solution = right` for the tree that was factorized last, controls by branch.
+    pub(super) fn solve(&mut self, right: &[Controls], solution: &mut [Controls]) {
+        let unknowns = self.unknowns;
+        self.right = DVector::zeros(unknowns.count());
+        for (k, right) in right.iter().enumerate().rev() {
+            right.interleaved().enumerate().for_each(|(i, v)| self.right[unknowns.of_tree(k, i)] = v);
+        }
         if let Some(factor) = &self.factor {
             factor.solve_mut(&mut self.right);
         }
-        for t in 0..STEPS {
-            solution.acceleration[t] = self.right[2 * t];
-            solution.steering[t] = self.right[2 * t + 1];
+        for (k, solution) in solution.iter_mut().enumerate() {
+            for t in 0..STEPS {
+                solution.acceleration[t] = self.right[unknowns.of_tree(k, 2 * t)];
+                solution.steering[t] = self.right[unknowns.of_tree(k, 2 * t + 1)];
+            }
         }
     }
 }

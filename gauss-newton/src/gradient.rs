@@ -12,6 +12,8 @@
 //! and the choice of the nearest neighbor are constants. dr is that of the rows' values, which is J but in the authors' coupling. Of the forward pass the iterates are kept, 100 numbers each; the rest is
 //! computed again.
 
+use std::slice::{from_mut, from_ref};
+
 use world::vehicle::BicycleModel;
 
 use super::constants::{KEY_STEPS, NEIGHBORS, STEPS, TERMS, lane_step};
@@ -19,10 +21,11 @@ use super::controls::Controls;
 use super::coupling::{Choices, Nearest};
 use super::linear::{LinearSolver, NormalEquations};
 use super::motion::{Motion, StateChange};
-use super::objective::{Costing, Evaluation};
+use super::objective::{Costing, Evaluation, Safety};
 use super::problem::Problem;
 use super::rows::Rows;
 use super::solver::{Settings, SolveError, settled};
+use super::tree::Part;
 
 /// A gradient by everything that is learned.
 #[derive(Clone, Debug, PartialEq)]
@@ -137,7 +140,7 @@ impl Layer {
     pub fn new(settings: LayerSettings, linear: LinearSolver) -> Self {
         Self {
             settings,
-            normal: NormalEquations::new(linear),
+            normal: NormalEquations::new(linear, 1),
             iterates: vec![Controls::ZERO; settings.iterations + 1],
             done: 0,
             chosen: vec![Nearest::default(); settings.iterations + 1],
@@ -181,6 +184,9 @@ impl Layer {
     ) -> Result<(), SolveError> {
         self.lead.0.clear();
         self.lead.0.extend(lead.iter().flat_map(|lead| &lead.0));
+        if matches!(self.settings.costing.safety, Safety::Boxes(_)) {
+            return Err(SolveError::NoGradient);
+        }
         if !initial.is_finite() {
             return Err(SolveError::InitialControls);
         }
@@ -194,7 +200,8 @@ impl Layer {
             }
             before = self.at.objective;
             self.factorize(problem, k)?;
-            self.normal.solve(&self.at, &self.scratch.right, &mut self.scratch.step);
+            let Scratch { right, step, .. } = &mut *self.scratch;
+            self.normal.solve(&[Part::alone(&self.at, &problem.weights)], from_ref(right), from_mut(step));
             let (done, next) = self.iterates.split_at_mut(k + 1);
             next[0].clone_from(&done[k]);
             next[0].add_scaled(-self.settings.step, &self.scratch.step);
@@ -234,7 +241,7 @@ impl Layer {
     /// Factorizes at iterate `k`, which was evaluated last.
     fn factorize(&mut self, problem: &Problem, k: usize) -> Result<(), SolveError> {
         self.normal
-            .factorize(&self.at, &problem.weights)
+            .factorize(&[Part::alone(&self.at, &problem.weights)], STEPS)
             .map_err(|pivot| SolveError::Singular { iteration: k, step: pivot.step })?;
         self.at.gradient(problem, &mut self.scratch.multipliers, &mut self.scratch.right);
         Ok(())
@@ -328,10 +335,11 @@ impl Layer {
             change,
         } = &mut *self.scratch;
         // The normal equations give minus the step.
-        self.normal.solve(&self.at, right, change);
+        let parts = [Part::alone(&self.at, &problem.weights)];
+        self.normal.solve(&parts, from_ref(right), from_mut(change));
         *step = Controls::ZERO;
         step.add_scaled(-1.0, change);
-        self.normal.solve(&self.at, &gradients.controls, change);
+        self.normal.solve(&parts, from_ref(&gradients.controls), from_mut(change));
         *adjoint = Controls::ZERO;
         adjoint.add_scaled(self.settings.step, change);
         self.at.push_forward(step, step_change, step_rows);
@@ -376,7 +384,7 @@ fn pull_back_curvature(
             continue;
         }
         // The row changes by -away . s; away turns as (s - away (away . s)) / distance.
-        let t = KEY_STEPS[row.key];
+        let t = row.step;
         let (s, (ax, ay)) = (&states[t], row.away);
         let along = ax * s.x + ay * s.y;
         let (x, y) = (multiplier * (s.x - ax * along) / row.distance, multiplier * (s.y - ay * along) / row.distance);

@@ -17,9 +17,11 @@
 //! | `nearest` | the reference line and its exact nearest sample |
 //! | `motion` | rollout and its first and second derivatives |
 //! | `rows`, `objective` | the cost terms and products with their Jacobian |
+//! | `shapes` | how near boxes come to each other |
 //! | `sweep`, `dense`, `linear` | the normal equations: along the chain of steps, and written out |
 //! | `wide` | loops by the machine's widest vector instructions |
-//! | `solver` | iterations, stopping, polish |
+//! | `tree` | futures that share their first controls |
+//! | `tree_solver`, `solver` | iterations, stopping, polish: of a tree, and of a chain |
 //! | `coupling` | how the authors' samples of a batch depend on the first |
 //! | `gradient`, `batch` | the unrolled iterations as a layer of a network; many samples at once |
 //!
@@ -37,10 +39,13 @@ mod nearest;
 mod objective;
 mod problem;
 mod rows;
+mod shapes;
 mod solver;
 mod sweep;
 #[cfg(test)]
 mod tests;
+mod tree;
+mod tree_solver;
 mod wide;
 
 pub use batch::{Batch, BatchError};
@@ -53,5 +58,8 @@ pub use nearest::{Frenet, Line};
 pub use objective::{Costing, Evaluation, Safety, SafetyRow};
 pub use problem::{InfoColumn, Inputs, Neighbor, Problem, ProblemError, Vehicle};
 pub use rows::{Extent, Rows};
+pub use shapes::Margins;
 pub use solver::{Settings, SolveError, Solver, Status, Summary, trajectory};
 pub use sweep::BadPivot;
+pub use tree::{BRANCHES, Branch, TRUNK, Tree, TreeControls, TreeError};
+pub use tree_solver::TreeSolver;

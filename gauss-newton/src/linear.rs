@@ -1,10 +1,9 @@
 //! The two solvers of the normal equations behind one face. They give the same step.
 
-use super::constants::TERMS;
 use super::controls::Controls;
 use super::dense::Dense;
-use super::objective::Evaluation;
 use super::sweep::{BadPivot, Sweep};
+use super::tree::Part;
 
 /// Which one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,23 +22,25 @@ pub(super) enum NormalEquations {
 }
 
 impl NormalEquations {
-    pub fn new(which: LinearSolver) -> Self {
+    /// For trees of at most so many branches.
+    pub fn new(which: LinearSolver, branches: usize) -> Self {
         match which {
-            LinearSolver::Sweep => Self::Sweep(Box::default()),
+            LinearSolver::Sweep => Self::Sweep(Box::new(Sweep::new(branches))),
             LinearSolver::Dense => Self::Dense(Box::default()),
         }
     }
 
-    pub fn factorize(&mut self, at: &Evaluation, weights: &[f64; TERMS]) -> Result<(), BadPivot> {
+    pub fn factorize(&mut self, parts: &[Part<'_>], trunk: usize) -> Result<(), BadPivot> {
         match self {
-            Self::Sweep(sweep) => sweep.factorize(at, weights),
-            Self::Dense(dense) => dense.factorize(at, weights),
+            Self::Sweep(sweep) => sweep.factorize(parts, trunk),
+            Self::Dense(dense) => dense.factorize(parts, trunk),
         }
     }
 
-    pub fn solve(&mut self, at: &Evaluation, right: &Controls, solution: &mut Controls) {
+    /// Solves for the tree that was factorized last.
+    pub fn solve(&mut self, parts: &[Part<'_>], right: &[Controls], solution: &mut [Controls]) {
         match self {
-            Self::Sweep(sweep) => sweep.solve(at, right, solution),
+            Self::Sweep(sweep) => sweep.solve(parts, right, solution),
             Self::Dense(dense) => dense.solve(right, solution),
         }
     }

@@ -117,6 +117,13 @@ impl Line {
         (self.x[BLOCK + k], self.y[BLOCK + k], self.heading[k])
     }
 
+    /// Cosine and sine of a sample's heading.
+    #[must_use]
+    #[inline(always)]
+    pub fn direction(&self, k: usize) -> (f64, f64) {
+        (self.cosine[k], self.sine[k])
+    }
+
     /// The sample nearest to (x, y), the first of equally near ones. `hint` only makes it faster. The line is not empty.
     #[must_use]
     #[inline(always)]

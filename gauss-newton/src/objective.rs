@@ -16,6 +16,7 @@ use super::coupling::Nearest;
 use super::motion::{Motion, StateChange};
 use super::problem::{PlacedNeighbor, Problem};
 use super::rows::{Rows, SAFETY_ROWS};
+use super::shapes::Margins;
 use super::wide::wide;
 
 /// What the objective is made of.
@@ -41,13 +42,15 @@ pub struct Costing {
 /// weighs as much as red light and safety then.
 const BEYOND: f64 = 20.0;
 
-/// Whose distance is costed at a key step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Whose distance is costed, and when.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Safety {
-    /// That of the nearest of those ahead in the AV's path: the authors' choice.
+    /// At the key steps, that of the nearest of those ahead in the AV's path: the authors' choice.
     Nearest,
-    /// That of everyone ahead in the AV's path.
+    /// At the key steps, that of everyone ahead in the AV's path.
     Everyone,
+    /// At each look at the lane, that of the AV's box to everyone's, wherever they are (`shapes`).
+    Boxes(Margins),
 }
 
 /// How far away (m) the authors take those to be who are not ahead in the AV's path.
@@ -56,15 +59,19 @@ const ELSEWHERE: f64 = 100.0;
 /// A safety row that is not zero: a neighbor that is too near.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SafetyRow {
-    /// Which key step.
+    /// Which step.
+    pub step: usize,
+    /// Which key step; with [`Safety::Boxes`] which look at the lane.
     pub key: usize,
     /// Which neighbor.
     pub neighbor: usize,
     /// Distance of the centers (m).
     pub distance: f64,
-    /// Unit vector from the neighbor to the AV, for the Jacobian; zero where both are at one place, and where the row is not in
-    /// the Jacobian (`coupling`).
+    /// How fast the row falls with the AV's position. Of discs it is the unit vector from the neighbor to the AV; zero where both are at
+    /// one place, and where the row is not in the Jacobian (`coupling`).
     pub away: (f64, f64),
+    /// How fast it falls with the AV's heading (m/rad): 0 for discs.
+    pub turn: f64,
     /// The same for the derivative of the row's value, which is another only where samples are coupled.
     pub value_away: (f64, f64),
 }
@@ -181,7 +188,7 @@ impl Evaluation {
             let speed = owed.max(0.0);
             distance += speed * DT;
             self.moves[t] = if owed >= 0.0 { 1.0 } else { 0.0 };
-            rows.speed[t] = speed - problem.speed_target;
+            rows.speed[t] = speed - problem.speed_targets[t];
             rows.red_light[t] = match problem.stop_distance {
                 Some(stop) if distance > stop => {
                     self.red_from = self.red_from.min(t);
@@ -229,6 +236,10 @@ impl Evaluation {
         if !problem.company {
             return;
         }
+        if let Safety::Boxes(margins) = &costing.safety {
+            self.evaluate_boxes(problem, margins);
+            return;
+        }
         for (key, &t) in KEY_STEPS.iter().enumerate() {
             let state = self.motion.states[t];
             let sample = if t % 2 == 1 {
@@ -255,14 +266,14 @@ impl Evaluation {
                 let (dx, dy) = (state.x - x, state.y - y);
                 let distance = (dx * dx + dy * dy).sqrt();
                 let away = if distance > 0.0 { (dx / distance, dy / distance) } else { (0.0, 0.0) };
-                let row = SafetyRow { key, neighbor: j, distance, away, value_away: away };
+                let row = SafetyRow { step: t, key, neighbor: j, distance, away, turn: 0.0, value_away: away };
                 let missing = missing(neighbor.length, distance);
                 match costing.safety {
                     Safety::Everyone => self.add_safety_row(row, missing, missing),
                     Safety::Nearest if nearest.is_none_or(|(other, _)| distance < other.distance) => {
                         nearest = Some((row, missing));
                     }
-                    Safety::Nearest => {}
+                    Safety::Nearest | Safety::Boxes(_) => {}
                 }
             }
             let own = nearest.filter(|(row, _)| row.distance < ELSEWHERE).map(|(row, _)| row.neighbor);
@@ -273,6 +284,17 @@ impl Evaluation {
                 self.add_safety_row(row, own, value);
             }
         }
+    }
+
+    #[inline(always)]
+    fn evaluate_boxes(&mut self, problem: &Problem, margins: &Margins) {
+        let Self { motion, lane_sample, safety, rows, .. } = self;
+        let mut count = 0;
+        margins.too_near(problem, &motion.states, lane_sample, |row, value| {
+            (safety[count], rows.safety[count]) = (row, value);
+            count += 1;
+        });
+        rows.extent.safety = count;
     }
 
     /// Adds a row of a value, if it is there: in the Jacobian where its `own` value would be positive.
@@ -292,7 +314,7 @@ impl Evaluation {
         }
     }
 
-    /// The safety rows that are not zero, by key step.
+    /// The safety rows that are not zero, by step.
     #[must_use]
     pub fn safety(&self) -> &[SafetyRow] {
         &self.safety[..self.rows.extent.safety]
@@ -328,8 +350,11 @@ impl Evaluation {
             rows.lane_edge[i] = x * s.x + y * s.y;
         }
         for (row, safety) in rows.safety.iter_mut().zip(self.safety()) {
-            let s = &change[KEY_STEPS[safety.key]];
+            let s = &change[safety.step];
             *row = -(safety.away.0 * s.x + safety.away.1 * s.y);
+            if safety.turn != 0.0 {
+                *row -= safety.turn * s.heading;
+            }
         }
     }
 
@@ -352,10 +377,13 @@ impl Evaluation {
             s.y += rows.lane_edge[i] * y;
         }
         for (row, safety) in rows.safety.iter().zip(self.safety()) {
-            let s = &mut states[KEY_STEPS[safety.key]];
+            let s = &mut states[safety.step];
             let away = away(safety);
             s.x -= row * away.0;
             s.y -= row * away.1;
+            if safety.turn != 0.0 {
+                s.heading -= row * safety.turn;
+            }
         }
         states
     }

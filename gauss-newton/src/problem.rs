@@ -6,6 +6,7 @@ use world::vehicle::VehicleState;
 
 use super::constants::{KEY_STEPS, NEIGHBORS, STEPS, STOP_MARGIN, TERMS};
 use super::nearest::{Frenet, Line};
+use super::shapes::Track;
 use super::wide::wide;
 
 /// What a problem is made of, borrowed.
@@ -19,6 +20,8 @@ pub struct Inputs<'a> {
     pub line_heading: &'a [f64],
     /// The speed that is wanted (m/s).
     pub speed_target: f64,
+    /// A speed for each step in place of that one, if it is not the same all along (m/s).
+    pub speed_targets: Option<&'a [f64; STEPS]>,
     /// How far the AV may drive until the red light, if there is one (m).
     pub stop_distance: Option<f64>,
     /// The AV now.
@@ -51,6 +54,10 @@ pub struct Neighbor<'a> {
     pub width: f64,
     /// Predicted positions (m) at 0.1 s, 0.2 s, ... 5.0 s.
     pub positions: &'a [(f64, f64)],
+    /// Predicted headings (rad) at these times, or none: then as it moves. [`Safety::Boxes`](super::Safety::Boxes) alone looks at them.
+    pub headings: &'a [f64],
+    /// Standard deviations of these positions (m), along and across its heading, or none: then 0. For boxes, too.
+    pub deviations: &'a [(f64, f64)],
 }
 
 /// Why inputs make no problem.
@@ -78,7 +85,7 @@ pub enum ProblemError {
 #[derive(Clone, Debug)]
 pub struct Problem {
     pub(super) line: Line,
-    pub(super) speed_target: f64,
+    pub(super) speed_targets: [f64; STEPS],
     pub(super) stop_distance: Option<f64>,
     pub(super) av: Vehicle,
     pub(super) present: Option<Control>,
@@ -88,13 +95,14 @@ pub struct Problem {
     pub(super) company: bool,
 }
 
-/// A neighbor at the key steps.
+/// A neighbor at the key steps, and its box at each look at the lane.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlacedNeighbor {
     pub length: f64,
     pub width: f64,
     pub position: [(f64, f64); KEY_STEPS.len()],
     pub frenet: [Frenet; KEY_STEPS.len()],
+    pub track: Track,
 }
 
 impl Problem {
@@ -105,7 +113,7 @@ impl Problem {
     pub fn new(inputs: &Inputs<'_>) -> Result<Self, ProblemError> {
         let mut problem = Self {
             line: Line::default(),
-            speed_target: 0.0,
+            speed_targets: [0.0; STEPS],
             stop_distance: None,
             av: Vehicle::default(),
             present: None,
@@ -133,7 +141,7 @@ impl Problem {
     #[inline(always)]
     fn take(&mut self, inputs: &Inputs<'_>) {
         self.line.set(inputs.line_x, inputs.line_y, inputs.line_heading);
-        self.speed_target = inputs.speed_target;
+        self.speed_targets = inputs.speed_targets.copied().unwrap_or([inputs.speed_target; STEPS]);
         self.stop_distance = inputs.stop_distance;
         self.av = inputs.av;
         self.present = inputs.present;
@@ -148,7 +156,8 @@ impl Problem {
                     hint = frenet.sample;
                     frenet
                 });
-                PlacedNeighbor { length: neighbor.length, width: neighbor.width, position, frenet }
+                let track = Track::new(neighbor, self.line.direction(frenet[0].sample));
+                PlacedNeighbor { length: neighbor.length, width: neighbor.width, position, frenet, track }
             });
         }
         self.company = self.neighbors.iter().any(Option::is_some);
@@ -194,6 +203,7 @@ fn check(inputs: &Inputs<'_>) -> Result<(), ProblemError> {
     finite("the reference line", inputs.line_y)?;
     finite("the reference line", inputs.line_heading)?;
     finite("the speed target", &[inputs.speed_target])?;
+    finite("a step's speed target", inputs.speed_targets.map_or(&[], |targets| targets.as_slice()))?;
     finite("the stop distance", inputs.stop_distance.as_slice())?;
     let VehicleState { x, y, heading, speed } = inputs.av.state;
     finite("the AV's state", &[x, y, heading, speed, inputs.av.length, inputs.av.width])?;
@@ -213,6 +223,16 @@ fn check(inputs: &Inputs<'_>) -> Result<(), ProblemError> {
         length("a predicted trajectory", STEPS, neighbor.positions.len())?;
         if !neighbor.positions.iter().all(|(x, y)| x.is_finite() && y.is_finite()) {
             return Err(ProblemError::NotFinite("a predicted position"));
+        }
+        if !neighbor.headings.is_empty() {
+            length("a list of predicted headings", STEPS, neighbor.headings.len())?;
+            finite("a predicted heading", neighbor.headings)?;
+        }
+        if !neighbor.deviations.is_empty() {
+            length("a list of standard deviations", STEPS, neighbor.deviations.len())?;
+            if !neighbor.deviations.iter().all(|(along, across)| along.is_finite() && across.is_finite()) {
+                return Err(ProblemError::NotFinite("a standard deviation"));
+            }
         }
     }
     Ok(())
@@ -257,6 +277,7 @@ mod tests {
             line_y: x,
             line_heading: x,
             speed_target: 10.0,
+            speed_targets: None,
             stop_distance: None,
             av: Vehicle::default(),
             present: None,
@@ -280,13 +301,25 @@ mod tests {
             ProblemError::NotFinite("the speed target")
         );
         let positions = [(0.0, 0.0); STEPS];
-        let neighbor = Some(Neighbor { length: 4.0, width: 2.0, positions: &positions });
+        let plain = Neighbor { length: 4.0, width: 2.0, positions: &positions, headings: &[], deviations: &[] };
+        let neighbor = Some(plain);
         assert!(matches!(set(&inputs(&line, &[neighbor; 11])), ProblemError::WrongLength { got: 11, .. }));
-        let short = Some(Neighbor { length: 4.0, width: 2.0, positions: &positions[1..] });
+        let short = Some(Neighbor { positions: &positions[1..], ..plain });
         assert!(matches!(set(&inputs(&line, &[short])), ProblemError::WrongLength { got: 49, .. }));
         let lost = [(0.0, f64::NAN); STEPS];
-        let lost = Some(Neighbor { length: 4.0, width: 2.0, positions: &lost });
+        let lost = Some(Neighbor { positions: &lost, ..plain });
         assert_eq!(set(&inputs(&line, &[lost])), ProblemError::NotFinite("a predicted position"));
+        let turned = Some(Neighbor { headings: &[0.0], ..plain });
+        assert_eq!(
+            set(&inputs(&line, &[turned])).to_string(),
+            "a list of predicted headings has 1 entries, but 50 are needed"
+        );
+        let spread = Some(Neighbor { deviations: &[(0.1, f64::NAN); STEPS], ..plain });
+        assert_eq!(set(&inputs(&line, &[spread])), ProblemError::NotFinite("a standard deviation"));
+        assert_eq!(
+            set(&Inputs { speed_targets: Some(&[f64::INFINITY; STEPS]), ..inputs(&line, &[]) }),
+            ProblemError::NotFinite("a step's speed target")
+        );
     }
 
     #[test]

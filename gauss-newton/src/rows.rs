@@ -1,9 +1,9 @@
 //! The residual rows: a number for each, term by term.
 
-use super::constants::{KEY_STEPS, LANE_STEPS, NEIGHBORS, STEPS, TERMS, Term};
+use super::constants::{LANE_STEPS, NEIGHBORS, STEPS, TERMS, Term};
 
-/// The most safety rows: every neighbor at every key step.
-pub const SAFETY_ROWS: usize = KEY_STEPS.len() * NEIGHBORS;
+/// The most safety rows: every neighbor at every look at the lane; there are fewer key steps.
+pub const SAFETY_ROWS: usize = LANE_STEPS * NEIGHBORS;
 
 /// A number for each residual row, term by term.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,17 +5,20 @@
 //! A search that only goes down stops at the first edge; but begun at their best iterate it never ends higher, and mostly lower
 //! by far. So that is what the globalized search is: theirs, then a line search from what it found.
 
+use std::slice::from_ref;
+
 use thiserror::Error;
 use world::vehicle::{BicycleModel, Limits};
 
 use super::constants::STEPS;
 use super::controls::Controls;
-use super::linear::{LinearSolver, NormalEquations};
+use super::linear::LinearSolver;
 use super::motion::Motion;
-use super::objective::{Costing, Evaluation, Safety};
+use super::objective::{Costing, Safety};
 use super::problem::Problem;
-use super::rows::Rows;
-use super::sweep::BadPivot;
+use super::shapes::Margins;
+use super::tree::{Branch, Tree};
+use super::tree_solver::TreeSolver;
 
 /// How a solve goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,6 +87,19 @@ impl Settings {
         };
         Self { costing, polish: 50, ..paper }
     }
+
+    /// `strict`, with safety by the shapes of all and how uncertain they are ([`Safety::Boxes`]): what a tree of futures is costed by.
+    #[must_use]
+    pub const fn contingency(model: BicycleModel) -> Self {
+        let strict = Self::strict(model);
+        Self { costing: Costing { safety: Safety::Boxes(Margins::DEFAULT), ..strict.costing }, ..strict }
+    }
+
+    /// The same objective, and at most so many steps downhill: from a good start.
+    #[must_use]
+    pub const fn refining(self, steps: usize) -> Self {
+        Self { iterations: 0, polish: steps, ..self }
+    }
 }
 
 /// How a solve ended.
@@ -127,6 +143,9 @@ pub enum SolveError {
         /// Iterations done.
         iterations: usize,
     },
+    /// A gradient is wanted, and boxes have none by what training learns.
+    #[error("there is no gradient through the distances of boxes")]
+    NoGradient,
     /// The normal matrix cannot be factorized, and a gradient is wanted.
     #[error("the normal matrix of iteration {iteration} is singular: the control of step {step} costs nothing")]
     Singular {
@@ -153,34 +172,19 @@ pub struct Summary {
 /// Solves problems. What it needs is allocated once; with [`LinearSolver::Sweep`] a solve allocates nothing.
 #[derive(Clone, Debug)]
 pub struct Solver {
-    at: Box<Evaluation>,
-    trial: Box<Evaluation>,
-    normal: NormalEquations,
-    rows: Box<Rows>,
-    gradient: Controls,
-    step: Controls,
-    controls: Controls,
-    candidate: Controls,
-    best: Controls,
-    history: Vec<f64>,
+    tree: TreeSolver,
+}
+
+/// Calls `with` with the tree that has this branch alone.
+fn as_tree<T>(problem: &Problem, with: impl FnOnce(&Tree<'_>) -> T) -> T {
+    with(&Tree { trunk: STEPS, branches: &[Branch { problem, probability: 1.0 }] })
 }
 
 impl Solver {
     /// A solver by this linear solver.
     #[must_use]
     pub fn new(linear: LinearSolver) -> Self {
-        Self {
-            at: Box::default(),
-            trial: Box::default(),
-            normal: NormalEquations::new(linear),
-            rows: Box::new(Rows::ZERO),
-            gradient: Controls::ZERO,
-            step: Controls::ZERO,
-            controls: Controls::ZERO,
-            candidate: Controls::ZERO,
-            best: Controls::ZERO,
-            history: Vec::with_capacity(128),
-        }
+        Self { tree: TreeSolver::with_branches(linear, 1) }
     }
 
     /// Searches from `initial`. The result is in [`Solver::best`] and [`Solver::last`].
@@ -189,115 +193,25 @@ impl Solver {
     /// [`SolveError::InitialControls`], and [`SolveError::Objective`] of those. A singular matrix, or an objective that is no number later
     /// on, ends the search, but is no error: what is best by then stands.
     pub fn solve(&mut self, problem: &Problem, settings: &Settings, initial: &Controls) -> Result<Summary, SolveError> {
-        if !initial.is_finite() {
-            return Err(SolveError::InitialControls);
-        }
-        self.controls.clone_from(initial);
-        self.best.clone_from(initial);
-        self.at.evaluate(problem, &settings.costing, initial);
-        self.history.clear();
-        self.history.push(checked(self.at.objective, 0)?);
-        let mut summary =
-            Summary { status: Status::IterationLimit, iterations: 0, best_after: 0, best_objective: self.at.objective };
-        self.iterate(problem, settings, settings.iterations, &mut summary, Self::fixed_step);
-        if settings.polish > 0 && !matches!(summary.status, Status::Singular { .. }) {
-            self.controls.clone_from(&self.best);
-            self.at.evaluate(problem, &settings.costing, &self.best);
-            self.iterate(problem, settings, settings.polish, &mut summary, Self::downhill_step);
-        }
-        Ok(summary)
-    }
-
-    /// At most `limit` steps by one rule.
-    fn iterate(
-        &mut self,
-        problem: &Problem,
-        settings: &Settings,
-        limit: usize,
-        summary: &mut Summary,
-        step: fn(&mut Self, &Problem, &Settings) -> Result<(), BadPivot>,
-    ) {
-        summary.status = Status::IterationLimit;
-        for _ in 0..limit {
-            let before = self.at.objective;
-            if let Err(pivot) = step(self, problem, settings) {
-                summary.status = Status::Singular { step: pivot.step };
-                break;
-            }
-            summary.iterations += 1;
-            let now = self.at.objective;
-            self.history.push(now);
-            if !now.is_finite() {
-                // The authors' factorization fails on it.
-                summary.status = Status::Diverged;
-                break;
-            }
-            if now < summary.best_objective {
-                summary.best_objective = now;
-                summary.best_after = summary.iterations;
-                self.best.clone_from(&self.controls);
-            }
-            if now < settings.absolute_tolerance || settings.settled(before, now) {
-                summary.status = Status::Converged;
-                break;
-            }
-        }
-    }
-
-    /// Solves for the Gauss-Newton step at the present controls; it is to be subtracted.
-    fn gauss_newton_step(&mut self, problem: &Problem) -> Result<(), BadPivot> {
-        self.normal.factorize(&self.at, &problem.weights)?;
-        self.at.gradient(problem, &mut self.rows, &mut self.gradient);
-        self.normal.solve(&self.at, &self.gradient, &mut self.step);
-        Ok(())
-    }
-
-    fn fixed_step(&mut self, problem: &Problem, settings: &Settings) -> Result<(), BadPivot> {
-        self.gauss_newton_step(problem)?;
-        self.controls.add_scaled(-settings.step, &self.step);
-        self.at.evaluate(problem, &settings.costing, &self.controls);
-        Ok(())
-    }
-
-    fn downhill_step(&mut self, problem: &Problem, settings: &Settings) -> Result<(), BadPivot> {
-        /// The objective must fall by this share of what the gradient promises (Armijo).
-        const SHARE: f64 = 1e-4;
-        /// The smallest step tried is half to this power.
-        const HALVINGS: usize = 10;
-        self.gauss_newton_step(problem)?;
-        let promised = self.gradient.dot(&self.step);
-        let mut size = 1.0;
-        for _ in 0..HALVINGS {
-            self.candidate.clone_from(&self.controls);
-            self.candidate.add_scaled(-size, &self.step);
-            self.trial.start_search_at(&self.at);
-            self.trial.evaluate(problem, &settings.costing, &self.candidate);
-            if self.trial.objective <= self.at.objective - SHARE * size * promised {
-                std::mem::swap(&mut self.at, &mut self.trial);
-                std::mem::swap(&mut self.controls, &mut self.candidate);
-                break;
-            }
-            size *= 0.5;
-        }
-        Ok(())
+        as_tree(problem, |tree| self.tree.search(tree, settings, from_ref(initial)))
     }
 
     /// The controls of the lowest objective seen.
     #[must_use]
     pub fn best(&self) -> &Controls {
-        &self.best
+        self.tree.best().first()
     }
 
     /// The controls after the last iteration.
     #[must_use]
     pub fn last(&self) -> &Controls {
-        &self.controls
+        self.tree.last().first()
     }
 
     /// The objective at the start and after each iteration.
     #[must_use]
     pub fn history(&self) -> &[f64] {
-        &self.history
+        self.tree.history()
     }
 
     /// The Gauss-Newton step at these controls, whole.
@@ -310,15 +224,11 @@ impl Solver {
         costing: &Costing,
         controls: &Controls,
     ) -> Result<Controls, SolveError> {
-        if !controls.is_finite() {
-            return Err(SolveError::InitialControls);
-        }
-        self.at.evaluate(problem, costing, controls);
-        checked(self.at.objective, 0)?;
-        self.gauss_newton_step(problem).map_err(|pivot| SolveError::Singular { iteration: 0, step: pivot.step })?;
         let mut step = Controls::ZERO;
-        step.add_scaled(-1.0, &self.step);
-        Ok(step)
+        as_tree(problem, |tree| {
+            step.add_scaled(-1.0, self.tree.step_at(tree, costing, from_ref(controls))?.first());
+            Ok(step)
+        })
     }
 }
 
@@ -326,10 +236,6 @@ impl Solver {
 pub(super) fn settled(before: f64, now: f64, absolute: f64, relative: f64) -> bool {
     let change = (before - now).abs();
     change < absolute || change / before < relative
-}
-
-fn checked(objective: f64, iterations: usize) -> Result<f64, SolveError> {
-    if objective.is_finite() { Ok(objective) } else { Err(SolveError::Objective { iterations }) }
 }
 
 /// The poses and speeds that controls lead to under a vehicle model.

@@ -11,6 +11,9 @@
 //! The last two only where a red light is passed, or where the vehicle model clips a control so that the speed that is costed
 //! is another than that which is driven. The pivots are those of a Cholesky factorization of the normal matrix, its unknowns in
 //! backward order; a solve for a right-hand side goes back and forth once over the chain. 50 small steps instead of 100^3 / 3.
+//!
+//! A tree of futures is a chain up to the junction and one for each branch from there on. What the branches cost depends on the trunk
+//! through the same numbers, so their matrices are added where they meet: as many small steps as the tree has.
 
 #![allow(
     clippy::needless_range_loop,
@@ -19,10 +22,11 @@
 
 use world::vehicle::UpdateOrder;
 
-use super::constants::{DT, KEY_STEPS, SINGULAR, STEPS, TERMS, Term};
+use super::constants::{DT, SINGULAR, STEPS, TERMS, Term};
 use super::controls::Controls;
 use super::motion::{Stage, StateChange};
 use super::objective::{Evaluation, SafetyRow};
+use super::tree::{BRANCHES, Part, share_trunk};
 use super::wide::wide;
 
 const ACCELERATION: usize = 0;
@@ -66,18 +70,29 @@ struct Gains {
 /// The factorized normal matrix.
 #[derive(Clone, Debug)]
 pub struct Sweep {
-    gains: [Gains; STEPS],
-    feed: [[f64; 2]; STEPS],
+    /// A leg for each branch; the first has the trunk's steps too.
+    legs: Vec<Leg>,
+    trunk: usize,
     large: bool,
 }
 
-impl Default for Sweep {
-    fn default() -> Self {
-        Self { gains: [Gains::default(); STEPS], feed: [[0.0; 2]; STEPS], large: false }
+#[derive(Clone, Debug)]
+struct Leg {
+    gains: [Gains; STEPS],
+    feed: [[f64; 2]; STEPS],
+}
+
+impl Sweep {
+    /// For trees of at most so many branches.
+    #[must_use]
+    pub fn new(branches: usize) -> Self {
+        let leg = Leg { gains: [Gains::default(); STEPS], feed: [[0.0; 2]; STEPS] };
+        Self { legs: vec![leg; branches], trunk: STEPS, large: false }
     }
 }
 
 /// The curvature that each term adds: squared weights.
+#[derive(Clone, Copy, Default)]
 struct Curvature {
     squared: [f64; TERMS],
     jerk: f64,
@@ -85,33 +100,48 @@ struct Curvature {
 }
 
 impl Curvature {
+    fn new(part: &Part<'_>) -> Self {
+        let squared = part.weights.map(|w| part.probability * (w * w));
+        let per_step = 1.0 / (DT * DT);
+        let jerk = squared[Term::Jerk as usize] * per_step;
+        let steering_change = squared[Term::SteeringChange as usize] * per_step;
+        Self { squared, jerk, steering_change }
+    }
+
     fn of(&self, term: Term) -> f64 {
         self.squared[term as usize]
+    }
+
+    /// What all of them add together.
+    fn sum(all: &[Self]) -> Self {
+        let Some((first, others)) = all.split_first() else { return Self::default() };
+        others.iter().fold(*first, |a, b| Self {
+            squared: std::array::from_fn(|i| a.squared[i] + b.squared[i]),
+            jerk: a.jerk + b.jerk,
+            steering_change: a.steering_change + b.steering_change,
+        })
     }
 }
 
 type Matrix<const N: usize> = [[f64; N]; N];
 
 impl Sweep {
-    /// Factorizes the normal matrix at this point.
+    /// Factorizes the normal matrix of a tree with these branches. Branches beyond those it was made for do not count.
     ///
     /// # Errors
     /// [`BadPivot`], if the matrix is singular.
-    pub fn factorize(&mut self, at: &Evaluation, weights: &[f64; TERMS]) -> Result<(), BadPivot> {
-        let squared = weights.map(|w| w * w);
-        let per_step = 1.0 / (DT * DT);
-        let jerk = squared[Term::Jerk as usize] * per_step;
-        let steering_change = squared[Term::SteeringChange as usize] * per_step;
-        let curvature = Curvature { squared, jerk, steering_change };
+    pub(super) fn factorize(&mut self, parts: &[Part<'_>], trunk: usize) -> Result<(), BadPivot> {
+        self.trunk = trunk;
         let as_driven = |stage: &Stage| stage.acceleration == DT && stage.speed == 1.0;
-        self.large = at.red_from < STEPS || !at.motion.stages.iter().all(as_driven);
+        self.large = parts.iter().any(|part| part.at.red_from < STEPS || !part.at.motion.stages.iter().all(as_driven));
+        let Some(order) = parts.first().map(|part| part.at.motion.order) else { return Ok(()) };
         wide(
             #[inline(always)]
-            || match (self.large, at.motion.order) {
-                (false, UpdateOrder::FromUpdated) => self.factorize_sized::<SMALL, true>(at, &curvature),
-                (false, UpdateOrder::FromBefore) => self.factorize_sized::<SMALL, false>(at, &curvature),
-                (true, UpdateOrder::FromUpdated) => self.factorize_sized::<LARGE, true>(at, &curvature),
-                (true, UpdateOrder::FromBefore) => self.factorize_sized::<LARGE, false>(at, &curvature),
+            || match (self.large, order) {
+                (false, UpdateOrder::FromUpdated) => self.factorize_sized::<SMALL, true>(parts, trunk),
+                (false, UpdateOrder::FromBefore) => self.factorize_sized::<SMALL, false>(parts, trunk),
+                (true, UpdateOrder::FromUpdated) => self.factorize_sized::<LARGE, true>(parts, trunk),
+                (true, UpdateOrder::FromBefore) => self.factorize_sized::<LARGE, false>(parts, trunk),
             },
         )
     }
@@ -119,28 +149,56 @@ impl Sweep {
     #[inline(always)]
     fn factorize_sized<const N: usize, const UPDATED: bool>(
         &mut self,
-        at: &Evaluation,
-        curvature: &Curvature,
+        parts: &[Part<'_>],
+        trunk: usize,
     ) -> Result<(), BadPivot> {
-        let mut p: Matrix<N> = [[0.0; N]; N];
-        let mut safety = at.safety();
-        for t in (0..STEPS).rev() {
-            add_curvature(&mut p, t, at, curvature, &mut safety);
-            pull_both_sides::<N, UPDATED>(at, t, &mut p);
-            eliminate(&mut p, t, at, curvature, &mut self.gains[t]).ok_or(BadPivot { step: t })?;
+        let mut junction: Matrix<N> = [[0.0; N]; N];
+        let mut curvatures = [Curvature::default(); BRANCHES];
+        let mut safety: [&[SafetyRow]; BRANCHES] = [&[]; BRANCHES];
+        for (k, (part, leg)) in parts.iter().zip(&mut self.legs).enumerate() {
+            let mut p: Matrix<N> = [[0.0; N]; N];
+            curvatures[k] = Curvature::new(part);
+            safety[k] = part.at.safety();
+            for t in (trunk..STEPS).rev() {
+                add_curvature(&mut p, t, part.at, &curvatures[k], &mut safety[k]);
+                pull_both_sides::<N, UPDATED>(part.at, t, &mut p);
+                eliminate(&mut p, t, part.at, &curvatures[k], &mut leg.gains[t]).ok_or(BadPivot { step: t })?;
+            }
+            if k == 0 {
+                junction = p;
+            } else {
+                for i in 0..N {
+                    for j in 0..N {
+                        junction[i][j] += p[i][j];
+                    }
+                }
+            }
+        }
+        let (Some(part), Some(leg)) = (parts.first(), self.legs.first_mut()) else { return Ok(()) };
+        // The states are the same in all branches there; the rows are not.
+        let (at, p) = (part.at, &mut junction);
+        let together = Curvature::sum(&curvatures[..parts.len().min(BRANCHES)]);
+        for t in (0..trunk).rev() {
+            for (k, part) in parts.iter().enumerate() {
+                add_curvature(p, t, part.at, &curvatures[k], &mut safety[k]);
+            }
+            pull_both_sides::<N, UPDATED>(at, t, p);
+            eliminate(p, t, at, &together, &mut leg.gains[t]).ok_or(BadPivot { step: t })?;
         }
         Ok(())
     }
 
-    /// Solves `matrix * solution = right`.
-    pub fn solve(&mut self, at: &Evaluation, right: &Controls, solution: &mut Controls) {
+    /// Solves `matrix * solution = right` for the tree that was factorized last, controls by branch. The trunk's steps are those of the
+    /// first branch of `right`, and in `solution` those of all.
+    pub(super) fn solve(&mut self, parts: &[Part<'_>], right: &[Controls], solution: &mut [Controls]) {
+        let Some(order) = parts.first().map(|part| part.at.motion.order) else { return };
         wide(
             #[inline(always)]
-            || match (self.large, at.motion.order) {
-                (false, UpdateOrder::FromUpdated) => self.solve_sized::<SMALL, true>(at, right, solution),
-                (false, UpdateOrder::FromBefore) => self.solve_sized::<SMALL, false>(at, right, solution),
-                (true, UpdateOrder::FromUpdated) => self.solve_sized::<LARGE, true>(at, right, solution),
-                (true, UpdateOrder::FromBefore) => self.solve_sized::<LARGE, false>(at, right, solution),
+            || match (self.large, order) {
+                (false, UpdateOrder::FromUpdated) => self.solve_sized::<SMALL, true>(parts, right, solution),
+                (false, UpdateOrder::FromBefore) => self.solve_sized::<SMALL, false>(parts, right, solution),
+                (true, UpdateOrder::FromUpdated) => self.solve_sized::<LARGE, true>(parts, right, solution),
+                (true, UpdateOrder::FromBefore) => self.solve_sized::<LARGE, false>(parts, right, solution),
             },
         );
     }
@@ -148,51 +206,111 @@ impl Sweep {
     #[inline(always)]
     fn solve_sized<const N: usize, const UPDATED: bool>(
         &mut self,
+        parts: &[Part<'_>],
+        right: &[Controls],
+        solution: &mut [Controls],
+    ) {
+        let (trunk, Some(shared)) = (self.trunk, right.first()) else { return };
+        let mut junction = [0.0; N];
+        for (k, ((part, leg), right)) in parts.iter().zip(&mut self.legs).zip(right).enumerate() {
+            let mut q = [0.0; N];
+            for t in (trunk..STEPS).rev() {
+                leg.back::<N, UPDATED>(part.at, t, right, &mut q);
+            }
+            if k == 0 {
+                junction = q;
+            } else {
+                for i in 0..N {
+                    junction[i] += q[i];
+                }
+            }
+        }
+        let Some((part, leg)) = parts.first().zip(self.legs.first_mut()) else { return };
+        for t in (0..trunk).rev() {
+            leg.back::<N, UPDATED>(part.at, t, shared, &mut junction);
+        }
+        let mut at_junction = Position::default();
+        if let Some(solution) = solution.first_mut() {
+            for t in 0..trunk {
+                leg.forth::<N, UPDATED>(part.at, t, &mut at_junction, solution);
+            }
+        }
+        for ((part, leg), solution) in parts.iter().zip(&self.legs).zip(&mut *solution) {
+            let mut position = at_junction;
+            for t in trunk..STEPS {
+                leg.forth::<N, UPDATED>(part.at, t, &mut position, solution);
+            }
+        }
+        share_trunk(trunk, solution);
+    }
+}
+
+/// Where the way forth is: changes of what it has passed.
+#[derive(Clone, Copy, Default)]
+struct Position {
+    state: StateChange,
+    costed: f64,
+    distance: f64,
+    acceleration: f64,
+    steering: f64,
+}
+
+impl Leg {
+    /// Takes the controls of step `t` out of the right-hand side.
+    #[inline(always)]
+    fn back<const N: usize, const UPDATED: bool>(
+        &mut self,
         at: &Evaluation,
+        t: usize,
         right: &Controls,
+        q: &mut [f64; N],
+    ) {
+        q[ACCELERATION] += right.acceleration[t];
+        q[STEERING] += right.steering[t];
+        pull::<N, UPDATED>(at, t, q);
+        let gains = &self.gains[t];
+        let a = q[ACCELERATION];
+        for i in STEERING..N {
+            q[i] -= a * gains.acceleration[i];
+        }
+        let s = q[STEERING];
+        for i in X..N {
+            q[i] -= s * gains.steering[i];
+        }
+        self.feed[t] = [a * gains.acceleration_pivot, s * gains.steering_pivot];
+        q[ACCELERATION] = -a * gains.acceleration_before - s * gains.steering_before[0];
+        q[STEERING] = -s * gains.steering_before[1];
+    }
+
+    /// Finds the controls of step `t`, and goes past it.
+    #[inline(always)]
+    fn forth<const N: usize, const UPDATED: bool>(
+        &self,
+        at: &Evaluation,
+        t: usize,
+        position: &mut Position,
         solution: &mut Controls,
     ) {
-        let mut q = [0.0; N];
-        for t in (0..STEPS).rev() {
-            q[ACCELERATION] += right.acceleration[t];
-            q[STEERING] += right.steering[t];
-            pull::<N, UPDATED>(at, t, &mut q);
-            let gains = &self.gains[t];
-            let a = q[ACCELERATION];
-            for i in STEERING..N {
-                q[i] -= a * gains.acceleration[i];
-            }
-            let s = q[STEERING];
-            for i in X..N {
-                q[i] -= s * gains.steering[i];
-            }
-            self.feed[t] = [a * gains.acceleration_pivot, s * gains.steering_pivot];
-            q[ACCELERATION] = -a * gains.acceleration_before - s * gains.steering_before[0];
-            q[STEERING] = -s * gains.steering_before[1];
-        }
-        let (mut state, mut costed, mut distance) = (StateChange::default(), 0.0, 0.0);
-        let (mut a, mut s) = (0.0, 0.0);
-        for t in 0..STEPS {
-            let gains = &self.gains[t];
-            let by_state = |gain: &[f64; LARGE]| {
-                let small =
-                    gain[X] * state.x + gain[Y] * state.y + gain[HEADING] * state.heading + gain[SPEED] * state.speed;
-                if N == LARGE { small + gain[DISTANCE] * distance + gain[COSTED] * costed } else { small }
-            };
-            let before = gains.steering_before[0] * a + gains.steering_before[1] * s;
-            s = self.feed[t][1] - by_state(&gains.steering) - before;
-            a = self.feed[t][0]
-                - gains.acceleration[STEERING] * s
-                - by_state(&gains.acceleration)
-                - gains.acceleration_before * a;
-            solution.acceleration[t] = a;
-            solution.steering[t] = s;
-            let order = if UPDATED { UpdateOrder::FromUpdated } else { UpdateOrder::FromBefore };
-            at.motion.stages[t].push(order, &mut state, a, s);
-            if N == LARGE {
-                costed += DT * a;
-                distance += DT * at.moves[t] * costed;
-            }
+        let Position { state, costed, distance, acceleration: a, steering: s } = position;
+        let gains = &self.gains[t];
+        let by_state = |gain: &[f64; LARGE]| {
+            let small =
+                gain[X] * state.x + gain[Y] * state.y + gain[HEADING] * state.heading + gain[SPEED] * state.speed;
+            if N == LARGE { small + gain[DISTANCE] * *distance + gain[COSTED] * *costed } else { small }
+        };
+        let before = gains.steering_before[0] * *a + gains.steering_before[1] * *s;
+        *s = self.feed[t][1] - by_state(&gains.steering) - before;
+        *a = self.feed[t][0]
+            - gains.acceleration[STEERING] * *s
+            - by_state(&gains.acceleration)
+            - gains.acceleration_before * *a;
+        solution.acceleration[t] = *a;
+        solution.steering[t] = *s;
+        let order = if UPDATED { UpdateOrder::FromUpdated } else { UpdateOrder::FromBefore };
+        at.motion.stages[t].push(order, state, *a, *s);
+        if N == LARGE {
+            *costed += DT * *a;
+            *distance += DT * at.moves[t] * *costed;
         }
     }
 }
@@ -222,10 +340,14 @@ fn add_curvature<const N: usize>(
         }
     }
     while let Some((row, rest)) = safety.split_last()
-        && KEY_STEPS[row.key] == t
+        && row.step == t
     {
         *safety = rest;
-        add_position(p, curvature.of(Term::Safety), row.away);
+        if row.turn == 0.0 {
+            add_position(p, curvature.of(Term::Safety), row.away);
+        } else {
+            add_pose(p, curvature.of(Term::Safety), [row.away.0, row.away.1, row.turn]);
+        }
     }
 }
 
@@ -236,6 +358,16 @@ fn add_position<const N: usize>(p: &mut Matrix<N>, weight: f64, (x, y): (f64, f6
     p[X][Y] += weight * x * y;
     p[Y][X] += weight * x * y;
     p[Y][Y] += weight * y * y;
+}
+
+/// The same for a row that changes with x, y and heading.
+#[inline(always)]
+fn add_pose<const N: usize>(p: &mut Matrix<N>, weight: f64, by: [f64; 3]) {
+    for (i, a) in by.iter().enumerate() {
+        for (j, b) in by.iter().enumerate() {
+            p[X + i][X + j] += weight * (a * b);
+        }
+    }
 }
 
 /// What is linear in the state after step `t` becomes linear in the state before it and the controls.

@@ -1,5 +1,7 @@
 //! Laws of the planner, over random situations.
 
+mod tree;
+
 use std::f64::consts::PI;
 
 use proptest::prelude::*;
@@ -10,6 +12,7 @@ use super::constants::{KEY_STEPS, NEIGHBORS, STEPS, TERMS};
 use super::gradient::Layer;
 use super::linear::NormalEquations;
 use super::solver::{Settings, Solver};
+use super::tree::Part;
 use super::*;
 
 /// A situation, owned.
@@ -19,12 +22,26 @@ struct Situation {
     speed: f64,
     stop_distance: Option<f64>,
     positions: Vec<Option<Vec<(f64, f64)>>>,
+    boxes: Option<Boxes>,
     weights: [f64; TERMS],
+}
+
+/// What is predicted of the neighbors' boxes: a heading (rad), and how fast standard deviations grow (m/s), along and across.
+#[derive(Clone, Copy, Debug)]
+struct Boxes {
+    heading: f64,
+    along: f64,
+    across: f64,
 }
 
 impl Situation {
     fn problem(&self) -> Problem {
         let column = |f: fn(&(f64, f64, f64)) -> f64| self.line.iter().map(f).collect::<Vec<_>>();
+        let headings: Vec<f64> = self.boxes.iter().flat_map(|boxes| [boxes.heading; STEPS]).collect();
+        let deviations = |boxes: &Boxes| {
+            std::array::from_fn::<_, STEPS, _>(|t| (0.1 * t as f64 * boxes.along, 0.1 * t as f64 * boxes.across))
+        };
+        let deviations: Vec<(f64, f64)> = self.boxes.iter().flat_map(deviations).collect();
         let neighbors: Vec<_> = self
             .positions
             .iter()
@@ -32,7 +49,13 @@ impl Situation {
             .map(|(j, p)| {
                 // A wheelchair, cars, a bus.
                 let length = 1.0 + 1.3 * j as f64;
-                p.as_ref().map(|positions| Neighbor { length, width: 1.9, positions })
+                p.as_ref().map(|positions| Neighbor {
+                    length,
+                    width: 1.9,
+                    positions,
+                    headings: &headings,
+                    deviations: &deviations,
+                })
             })
             .collect();
         Problem::new(&Inputs {
@@ -40,6 +63,7 @@ impl Situation {
             line_y: &column(|p| p.1),
             line_heading: &column(|p| p.2),
             speed_target: 12.0,
+            speed_targets: None,
             stop_distance: self.stop_distance,
             av: Vehicle {
                 state: VehicleState { x: 0.1, y: -0.2, heading: 0.05, speed: self.speed },
@@ -54,11 +78,15 @@ impl Situation {
     }
 }
 
+fn any_boxes() -> impl Strategy<Value = Boxes> {
+    (-PI..PI, 0.0..2.0, 0.0..0.5).prop_map(|(heading, along, across)| Boxes { heading, along, across })
+}
+
 prop_compose! {
     fn any_situation()(
         curvature in -0.05..0.05, speed in 0.5..15.0, red in prop::option::of(-1.0..40.0),
         cars in prop::collection::vec(prop::option::of((3.0..40.0, -3.0..3.0, -1.0..12.0)), NEIGHBORS),
-        weights in prop::array::uniform9(0.1..3.0), samples in 300..1200_usize,
+        weights in prop::array::uniform9(0.1..3.0), samples in 300..1200_usize, boxes in prop::option::of(any_boxes()),
     ) -> Situation {
         let mut line = vec![(-20.0, 0.3, 0.0)];
         for k in 1..samples {
@@ -69,7 +97,7 @@ prop_compose! {
         let positions = cars.into_iter().map(|car| car.map(|(x, y, v): (f64, f64, f64)| {
             (0..STEPS).map(|t| (x + 0.1 * v * (t + 1) as f64, y)).collect()
         })).collect();
-        Situation { line, speed, stop_distance: red, positions, weights }
+        Situation { line, speed, stop_distance: red, positions, boxes, weights }
     }
 }
 
@@ -86,6 +114,14 @@ fn any_choices() -> impl Strategy<Value = Choices> {
 }
 
 fn any_costing() -> impl Strategy<Value = Costing> {
+    let margins = (1.0..6.0, 0.2..1.5, 0.0..2.0);
+    let boxes = margins.prop_map(|(along, across, deviations)| Safety::Boxes(Margins { along, across, deviations }));
+    (any_trained_costing(), prop::option::of(boxes))
+        .prop_map(|(costing, boxes)| Costing { safety: boxes.unwrap_or(costing.safety), ..costing })
+}
+
+/// Without boxes.
+fn any_trained_costing() -> impl Strategy<Value = Costing> {
     let models = [BicycleModel::authors_planner(), BicycleModel::authors_test(), BicycleModel::default()];
     let switches = prop::array::uniform5(any::<bool>());
     (prop::sample::select(models.to_vec()), switches).prop_map(|(model, [wrap, everyone, from_present, rate, edge])| {
@@ -190,10 +226,11 @@ proptest! {
         let (mut rows, mut gradient) = (Rows::ZERO, Controls::ZERO);
         at.gradient(&problem, &mut rows, &mut gradient);
         let steps = [LinearSolver::Sweep, LinearSolver::Dense].map(|linear| {
-            let mut normal = NormalEquations::new(linear);
-            normal.factorize(&at, problem.weights()).unwrap();
+            let mut normal = NormalEquations::new(linear, 1);
+            let parts = [Part::alone(&at, problem.weights())];
+            normal.factorize(&parts, STEPS).unwrap();
             let mut step = Controls::ZERO;
-            normal.solve(&at, &gradient, &mut step);
+            normal.solve(&parts, std::slice::from_ref(&gradient), std::slice::from_mut(&mut step));
             step
         });
         let scale = steps[1].dot(&steps[1]).sqrt();
@@ -221,7 +258,7 @@ proptest! {
 
     #[test]
     fn the_gradient_through_the_iterations_is_that_of_central_differences(
-        situation in any_situation(), costing in any_costing(), initial in any_controls(0.5), direction in any_controls(0.3),
+        situation in any_situation(), costing in any_trained_costing(), initial in any_controls(0.5), direction in any_controls(0.3),
         output_model in prop::sample::select(vec![BicycleModel::authors_training(), BicycleModel::default()]),
         nudges in prop::collection::vec(-1.0..1.0, 2 * NEIGHBORS * KEY_STEPS.len() + TERMS), squares in -0.01..0.01,
         wanted in prop::collection::vec(-1.0..1.0, 5 * STEPS), lead in prop::option::of(any_choices()),
@@ -358,12 +395,15 @@ proptest! {
         costing in any_costing(),
     ) {
         let column = |c: usize| line.iter().map(|sample| sample[c]).collect::<Vec<_>>();
-        let neighbors = [None, Some(Neighbor { length: n[0], width: n[1], positions: &positions })];
+        let headings: Vec<f64> = positions.iter().map(|(x, _)| *x).collect();
+        let boxed = Neighbor { length: n[0], width: n[1], positions: &positions, headings: &headings, deviations: &positions };
+        let neighbors = [None, Some(boxed), Some(Neighbor { headings: &[], ..boxed })];
         let problem = Problem::new(&Inputs {
             line_x: &column(0),
             line_y: &column(1),
             line_heading: &column(2),
             speed_target: n[2],
+            speed_targets: None,
             stop_distance: Some(n[3]),
             av: Vehicle { state: VehicleState { x: n[4], y: n[5], heading: n[6], speed: n[7] }, length: n[8], width: n[9] },
             present: Some(Control { acceleration: n[10], steering: n[11] }),
@@ -399,6 +439,7 @@ fn straight(weights: [f64; TERMS]) -> Situation {
         speed: 0.0,
         stop_distance: None,
         positions: vec![],
+        boxes: None,
         weights,
     }
 }

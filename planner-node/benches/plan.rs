@@ -55,14 +55,17 @@ fn generated() -> Case {
     let positions: Vec<Vec<_>> = (0..NEIGHBORS)
         .map(|j| (0..STEPS).map(|t| (8.0 * (j + 1) as f64 + 0.5 * t as f64, j as f64 - 5.0)).collect())
         .collect();
-    let neighbors: Vec<_> =
-        positions.iter().map(|positions| Some(Neighbor { length: 4.5, width: 2.0, positions })).collect();
+    let neighbors: Vec<_> = positions
+        .iter()
+        .map(|positions| Some(Neighbor { length: 4.5, width: 2.0, positions, headings: &[], deviations: &[] }))
+        .collect();
     let state = VehicleState { x: 0.0, y: 0.3, heading: 0.0, speed: 8.0 };
     let problem = Problem::new(&Inputs {
         line_x: &line,
         line_y: &y,
         line_heading: &heading,
         speed_target: 13.0,
+        speed_targets: None,
         stop_distance: None,
         av: Vehicle { state, length: 5.0, width: 2.2 },
         present: None,

@@ -133,7 +133,13 @@ fn problem(window: &Window, others: Option<&Positions>, weights: [f64; TERMS]) -
         .map(|(number, positions)| {
             let now = &window.sketch.neighbors[number][HISTORY - 1];
             let (length, width) = (f64::from(now[5]), f64::from(now[6]));
-            window.sketch.presence.agents[number + 1].then_some(Neighbor { length, width, positions })
+            window.sketch.presence.agents[number + 1].then_some(Neighbor {
+                length,
+                width,
+                positions,
+                headings: &[],
+                deviations: &[],
+            })
         })
         .collect();
     Problem::new(&Inputs {
@@ -141,6 +147,7 @@ fn problem(window: &Window, others: Option<&Positions>, weights: [f64; TERMS]) -
         line_y: &column(1),
         line_heading: &column(2),
         speed_target: info.speed_target,
+        speed_targets: None,
         stop_distance: info.stop_distance,
         av: Vehicle { state: now(window), length: ego[5], width: ego[6] },
         present: None,

@@ -224,13 +224,20 @@ impl Situation {
     pub fn with_inputs<T>(&self, weights: [f64; TERMS], with: impl FnOnce(&Inputs<'_>) -> T) -> T {
         let mut neighbors = [None; NEIGHBORS];
         for (place, n) in neighbors.iter_mut().zip(&self.neighbors) {
-            *place = n.present.then_some(Neighbor { length: n.length, width: n.width, positions: &n.positions });
+            *place = n.present.then_some(Neighbor {
+                length: n.length,
+                width: n.width,
+                positions: &n.positions,
+                headings: &[],
+                deviations: &[],
+            });
         }
         with(&Inputs {
             line_x: &self.line_x,
             line_y: &self.line_y,
             line_heading: &self.line_heading,
             speed_target: self.speed_target,
+            speed_targets: None,
             stop_distance: self.stop_distance,
             av: self.av,
             present: self.present,

@@ -27,7 +27,13 @@ pub fn problem(npz: &Npz) -> Result<Problem, CaseError> {
             let agent = agents[j + 1];
             let positions = &positions[j * STEPS..(j + 1) * STEPS];
             // The authors' sign of presence: the height.
-            (agent[7] != 0.0).then_some(Neighbor { length: agent[5], width: agent[6], positions })
+            (agent[7] != 0.0).then_some(Neighbor {
+                length: agent[5],
+                width: agent[6],
+                positions,
+                headings: &[],
+                deviations: &[],
+            })
         })
         .collect();
     let mut weights = [0.0; TERMS];
@@ -37,6 +43,7 @@ pub fn problem(npz: &Npz) -> Result<Problem, CaseError> {
         line_y: &y,
         line_heading: &heading,
         speed_target: info.speed_target,
+        speed_targets: None,
         stop_distance: info.stop_distance,
         av: Vehicle {
             state: VehicleState { x: av[0], y: av[1], heading: av[2], speed: libm::hypot(av[3], av[4]) },

@@ -120,7 +120,9 @@ fn problem(npz: &Npz, route: &Npz, stored: usize, step: usize) -> Result<Option<
     let neighbors: Vec<_> = agents[1..]
         .iter()
         .zip(&positions)
-        .map(|(a, positions)| (a[7] != 0.0).then_some(Neighbor { length: a[5], width: a[6], positions }))
+        .map(|(a, positions)| {
+            (a[7] != 0.0).then_some(Neighbor { length: a[5], width: a[6], positions, headings: &[], deviations: &[] })
+        })
         .collect();
     let own = agents[0];
     let state = VehicleState { x: own[0], y: own[1], heading: own[2], speed: libm::hypot(own[3], own[4]) };
@@ -129,6 +131,7 @@ fn problem(npz: &Npz, route: &Npz, stored: usize, step: usize) -> Result<Option<
         line_y: &y,
         line_heading: &heading,
         speed_target: number("speed_limit")?,
+        speed_targets: None,
         stop_distance,
         av: Vehicle { state, length: own[5], width: own[6] },
         present: None,

@@ -100,6 +100,7 @@ mod tests {
             line_y: &[0.0, 0.0],
             line_heading: &[0.0, 0.0],
             speed_target: 0.0,
+            speed_targets: None,
             stop_distance: None,
             av: Vehicle::default(),
             present: None,
