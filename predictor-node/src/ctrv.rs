@@ -52,7 +52,11 @@ impl Predictor for TurnRate {
             PredictedTrajectory { track: agent.track, poses }
         };
         let trajectories: Vec<PredictedTrajectory> = observation.agents.iter().map(trajectory).collect();
-        let futures = if trajectories.is_empty() { vec![] } else { vec![Future { probability: 1.0, trajectories }] };
+        let futures = if trajectories.is_empty() {
+            vec![]
+        } else {
+            vec![Future { probability: 1.0, trajectories, controls: vec![] }]
+        };
         Ok(UncheckedPrediction { step: observation.step, futures, ..Default::default() })
     }
 }

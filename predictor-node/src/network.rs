@@ -1,5 +1,5 @@
-//! The prediction network of the DIPP paper: three joint futures of the ten nearest, the AV's own controls in the likeliest, and the
-//! weights of the planner's cost.
+//! The prediction network of the DIPP paper: three joint futures of the ten nearest, the AV's own controls in each, and the weights of
+//! the planner's cost.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -70,7 +70,8 @@ impl Network {
         Ok(Self { model: Arc::new(model), settings, log: None })
     }
 
-    /// The same network with the log's futures in place of its own: what its planner would do if it knew.
+    /// The same network with the log's futures in place of its own: what its planner would do if it knew. They say no controls of the AV:
+    /// those of the network are for futures of its own.
     #[must_use]
     pub fn with_futures(self, log: Oracle) -> Self {
         Self { log: Some(log), ..self }
@@ -158,15 +159,16 @@ fn answered(answer: &Answer, predicted: usize, features: &Features, step: u32, a
         track: *track,
         poses: poses.iter().map(in_the_log).collect(),
     };
-    let futures = answer.poses.iter().zip(answer.probabilities).take(predicted);
-    let futures = futures.map(|(poses, probability)| Future {
-        probability: f64::from(probability),
-        trajectories: features.tracks.iter().zip(poses).map(trajectory).collect(),
-    });
     let control = |[acceleration, steering]: &[f32; 2]| Control {
         acceleration: f64::from(*acceleration),
         steering: f64::from(*steering),
     };
+    let futures = answer.poses.iter().zip(answer.probabilities).zip(&answer.controls).take(predicted);
+    let futures = futures.map(|((poses, probability), controls)| Future {
+        probability: f64::from(probability),
+        trajectories: features.tracks.iter().zip(poses).map(trajectory).collect(),
+        controls: controls.iter().map(control).collect(),
+    });
     UncheckedPrediction {
         step,
         futures: futures.collect(),

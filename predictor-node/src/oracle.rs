@@ -30,7 +30,11 @@ impl Predictor for Log {
         let trajectories: Result<Vec<_>, String> =
             step.observation.agents.iter().map(|agent| logged(&self.0, agent, now)).collect();
         let trajectories = trajectories?;
-        let futures = if trajectories.is_empty() { vec![] } else { vec![Future { probability: 1.0, trajectories }] };
+        let futures = if trajectories.is_empty() {
+            vec![]
+        } else {
+            vec![Future { probability: 1.0, trajectories, controls: vec![] }]
+        };
         Ok(UncheckedPrediction { step: step.observation.step, futures, ..Default::default() })
     }
 }

@@ -53,9 +53,13 @@ class PlanTest(unittest.TestCase):
 class PredictionTest(unittest.TestCase):
     def test_it_is_a_message_and_comes_back(self):
         poses = np.random.default_rng(1).normal(size=(2, 50, 3))
-        told = reloop.Prediction([reloop.Future(0.25, [4, 9], poses), reloop.Future(0.75, [4, 9], -poses)])
+        controls = poses[0, :, :2]
+        told = reloop.Prediction([reloop.Future(0.25, [4, 9], poses, controls), reloop.Future(0.75, [4, 9], -poses)])
         back = reloop.Prediction.read(told.message(7))
         np.testing.assert_array_equal(back.futures[0].poses, poses)
+        np.testing.assert_array_equal(back.futures[0].controls, controls)
+        self.assertFalse(back.futures[0].controls.flags.writeable)
+        self.assertIsNone(back.futures[1].controls)
         self.assertEqual((back.likeliest.probability, back.likeliest.track.tolist()), (0.75, [4, 9]))
         self.assertEqual(reloop.Prediction([]).message(7).step, 7)
         self.assertIsNone(reloop.Prediction([]).likeliest)
@@ -70,6 +74,11 @@ class PredictionTest(unittest.TestCase):
             ([reloop.Future(float("nan"), [1], poses)], "are no distribution"),
             ([reloop.Future(1.0, [1, 2], poses)], r"shape \(1, 50, 3\), and \(2, 50, 3\) is needed"),
             ([reloop.Future(1.0, [1], bad)], "the poses, row 0, 5: heading is nan"),
+            (
+                [reloop.Future(1.0, [1], poses, poses[0])],
+                r"the controls of a future have the shape \(50, 3\), and \(50, 2\) is needed: acceleration, steering",
+            ),
+            ([reloop.Future(1.0, [1], poses, bad[0, :, 1:])], "the controls of a future, row 5: steering is nan"),
         ):
             with self.subTest(said), self.assertRaisesRegex(reloop.AnswerError, said):
                 reloop.Prediction(futures).message(0)
@@ -85,12 +94,23 @@ class PredictionTest(unittest.TestCase):
 
     def test_a_recorded_prediction_is_read_packed_or_not(self):
         poses = np.cumsum(np.random.default_rng(3).normal(size=(1, 50, 3)), axis=1)
-        message = reloop.Prediction([reloop.Future(1.0, [4], poses)]).message(0)
-        (trajectory,) = message.futures[0].trajectories
+        controls = poses[0, :, 1:]
+        message = reloop.Prediction([reloop.Future(1.0, [4], poses, controls)]).message(0)
+        (future,) = message.futures
+        (trajectory,) = future.trajectories
         for name in ("x", "y", "heading"):
             getattr(trajectory, f"{name}_bits").extend(packed(getattr(trajectory, name)))
             trajectory.ClearField(name)
-        np.testing.assert_array_equal(reloop.Prediction.read(message).futures[0].poses, poses)
+        for name in ("acceleration", "steering"):
+            getattr(future, f"{name}_bits").extend(packed(getattr(control, name) for control in future.controls))
+        future.ClearField("controls")
+        (back,) = reloop.Prediction.read(message).futures
+        np.testing.assert_array_equal(back.poses, poses)
+        np.testing.assert_array_equal(back.controls, controls)
+        # One that is damaged: what it lacks is NaN.
+        del future.steering_bits[40:]
+        (back,) = reloop.Prediction.read(message).futures
+        self.assertTrue(np.isnan(back.controls[40:, 1]).all() and not np.isnan(back.controls[:, 0]).any())
 
 
 if __name__ == "__main__":

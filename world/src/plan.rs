@@ -163,6 +163,8 @@ pub struct Future {
     pub probability: f64,
     /// The agents' trajectories.
     pub trajectories: Vec<PredictedTrajectory>,
+    /// The AV's own controls in this future, as the predictor sees it: [`PLAN_STEPS`] or none.
+    pub controls: Vec<Control>,
 }
 
 /// A prediction as it came in. [`UncheckedPrediction::check`] makes a [`Prediction`] of it.
@@ -178,8 +180,8 @@ pub struct UncheckedPrediction {
     pub cost_weights: Vec<f64>,
 }
 
-/// A prediction that is whole: every trajectory has [`PLAN_STEPS`] poses of numbers up to [`LARGEST_NUMBER`], probabilities
-/// sum to 1.
+/// A prediction that is whole: every trajectory has [`PLAN_STEPS`] poses, every future as many controls or none, of numbers up to
+/// [`LARGEST_NUMBER`]; probabilities sum to 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction(UncheckedPrediction);
 
@@ -190,9 +192,15 @@ impl UncheckedPrediction {
     /// [`AnswerError`] names the first thing that is wrong.
     pub fn check(self, step: u32) -> Result<Prediction, AnswerError> {
         check_step(step, self.step)?;
-        for trajectory in self.futures.iter().flat_map(|future| &future.trajectories) {
-            check_length("poses", PLAN_STEPS, trajectory.poses.len())?;
-            check_range("pose", &trajectory.poses, |p| [p.x, p.y, p.heading])?;
+        for future in &self.futures {
+            for trajectory in &future.trajectories {
+                check_length("poses", PLAN_STEPS, trajectory.poses.len())?;
+                check_range("pose", &trajectory.poses, |p| [p.x, p.y, p.heading])?;
+            }
+            if !future.controls.is_empty() {
+                check_length("controls of a future", PLAN_STEPS, future.controls.len())?;
+            }
+            check_range("a future's control", &future.controls, |c| [c.acceleration, c.steering])?;
         }
         if !self.futures.is_empty() {
             let sum: f64 = self.futures.iter().map(|future| future.probability).sum();
@@ -280,7 +288,11 @@ mod tests {
 
     fn prediction(probabilities: &[f64]) -> UncheckedPrediction {
         let trajectories = vec![PredictedTrajectory { track: TrackId(1), poses: vec![Pose::default(); PLAN_STEPS] }];
-        let future = |probability: &f64| Future { probability: *probability, trajectories: trajectories.clone() };
+        let future = |probability: &f64| Future {
+            probability: *probability,
+            trajectories: trajectories.clone(),
+            controls: vec![Control::default(); PLAN_STEPS],
+        };
         UncheckedPrediction { futures: probabilities.iter().map(future).collect(), ..UncheckedPrediction::default() }
     }
 
@@ -337,6 +349,14 @@ mod tests {
     }
 
     #[test]
+    fn a_future_may_say_what_the_av_does_in_it_or_not() {
+        let mut one_of_two = prediction(&[0.5, 0.5]);
+        one_of_two.futures[0].controls.clear();
+        let checked = one_of_two.clone().check(0).unwrap();
+        assert_eq!(checked.into_unchecked(), one_of_two);
+    }
+
+    #[test]
     fn a_prediction_that_is_not_whole_is_refused() {
         assert_eq!(prediction(&[1.0]).check(1), Err(AnswerError::WrongStep { expected: 1, got: 0 }));
         let mut short = prediction(&[1.0]);
@@ -345,6 +365,13 @@ mod tests {
         let mut bad = prediction(&[1.0]);
         bad.futures[0].trajectories[0].poses[5].heading = f64::NAN;
         assert_eq!(bad.check(0), Err(AnswerError::OutOfRange { what: "pose", index: 5 }));
+        let mut short = prediction(&[0.5, 0.5]);
+        short.futures[1].controls.pop();
+        let expected = AnswerError::WrongLength { what: "controls of a future", expected: PLAN_STEPS, got: 49 };
+        assert_eq!(short.check(0), Err(expected));
+        let mut bad = prediction(&[0.5, 0.5]);
+        bad.futures[1].controls[7].steering = f64::NEG_INFINITY;
+        assert_eq!(bad.check(0), Err(AnswerError::OutOfRange { what: "a future's control", index: 7 }));
         let short = UncheckedPrediction { initial_controls: vec![Control::default()], ..prediction(&[1.0]) };
         let expected = AnswerError::WrongLength { what: "initial controls", expected: PLAN_STEPS, got: 1 };
         assert_eq!(short.check(0), Err(expected));

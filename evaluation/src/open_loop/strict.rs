@@ -213,6 +213,7 @@ mod tests {
         let future = |aside: &f64| Future {
             probability: 1.0 / metres.len() as f64,
             trajectories: agents.iter().map(|agent| trajectory(agent, *aside)).collect(),
+            controls: vec![],
         };
         let futures = metres.iter().map(future).collect();
         UncheckedPrediction { futures, ..UncheckedPrediction::default() }.check(0).unwrap()

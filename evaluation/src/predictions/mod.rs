@@ -253,6 +253,7 @@ mod tests {
                 track: TrackId(7),
                 poses: (0..PLAN_STEPS).map(|k| pose(k, *aside)).collect(),
             }],
+            controls: vec![],
         };
         let futures = futures.iter().map(future).collect();
         UncheckedPrediction { futures, ..UncheckedPrediction::default() }.check(0).unwrap()

@@ -5,8 +5,9 @@
 //!
 //! Left out is what may differ between two drives that are the same: a plan's `status`, which is free text and may tell a time; the end's
 //! counts of messages and its digest, which also tells of the status. What is only there for pictures (`logged_av`, `other`) is no part
-//! of what is read.
+//! of what is read. A recording of before futures told the AV's controls holds none, and then those of now are passed over.
 
+use std::borrow::Cow;
 use std::fmt;
 
 use wire::proto::{self, EndReason};
@@ -80,8 +81,9 @@ fn step(then: &Recorded, now: &Recorded, index: usize) -> Result<(), Parting> {
     let by = |process| move |difference| Parting { difference, process };
     let (observation, observation_now) = (then.observations.get(index), now.observations.get(index));
     difference::at(step, "observation", observation, observation_now).map_err(by(Process::Simulator))?;
-    let (prediction, prediction_now) = (then.predictions.get(index), now.predictions.get(index));
-    difference::at(step, "prediction", prediction, prediction_now)
+    let prediction = then.predictions.get(index);
+    let prediction_now = now.predictions.get(index).map(|now| in_the_words_of(prediction, now));
+    difference::at(step, "prediction", prediction, prediction_now.as_deref())
         .map_err(|difference| by(Process::Predictor)(with_reason(difference, then, now)))?;
     let plan = |recorded: &Recorded| recorded.plans.get(index).map(repeatable);
     difference::at(step, "plan", plan(then).as_ref(), plan(now).as_ref())
@@ -91,6 +93,17 @@ fn step(then: &Recorded, now: &Recorded, index: usize) -> Result<(), Parting> {
     let at =
         |recorded: &Recorded| recorded.events.iter().filter(|event| event.step as usize == index).cloned().collect();
     events(step, at(then), at(now)).map_err(by(Process::Simulator))
+}
+
+/// A prediction without the AV's controls, where the recorded one has none in any future.
+fn in_the_words_of<'a>(recorded: Option<&proto::Prediction>, now: &'a proto::Prediction) -> Cow<'a, proto::Prediction> {
+    let has_controls = |said: &proto::Prediction| said.futures.iter().any(|future| !future.controls.is_empty());
+    if recorded.is_none_or(has_controls) || !has_controls(now) {
+        return Cow::Borrowed(now);
+    }
+    let mut now = now.clone();
+    now.futures.iter_mut().for_each(|future| future.controls.clear());
+    Cow::Owned(now)
 }
 
 /// A plan without what may tell a time.
@@ -145,6 +158,26 @@ mod tests {
         now.end.plans = 7;
         now.end.digest = vec![1, 2, 3];
         assert_eq!(hold(&recorded(), &now), Ok(3));
+    }
+
+    #[test]
+    fn controls_in_futures_count_where_the_recording_has_them() {
+        let with = |controls: usize| {
+            let mut recorded = recorded();
+            let controls = vec![proto::Control { acceleration: 1.0, steering: 0.0 }; controls];
+            recorded.predictions[1].futures = vec![proto::Future { controls, ..Default::default() }; 2];
+            recorded
+        };
+        assert_eq!(hold(&with(0), &with(50)), Ok(3));
+        assert_eq!(hold(&with(50), &with(50)), Ok(3));
+        assert_eq!(hold(&with(50), &with(0)).unwrap_err().process, Process::Predictor);
+        let mut other = with(50);
+        other.predictions[1].futures[1].controls[7].steering = 0.5;
+        let found = hold(&with(50), &other).unwrap_err();
+        assert_eq!((found.process, &*found.difference.field), (Process::Predictor, "futures[1].controls[7].steering"));
+        let mut other = with(50);
+        other.predictions[1].futures[1].probability = 0.5;
+        assert_eq!(hold(&with(0), &other).unwrap_err().difference.field, "futures[1].probability");
     }
 
     #[test]

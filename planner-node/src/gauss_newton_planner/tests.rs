@@ -84,7 +84,7 @@ impl Road {
         self.observation.agents = vec![ObservedAgent { track, kind: AgentKind::Vehicle, state, unseen: 0 }];
         let poses = vec![state.pose(); PLAN_STEPS];
         let trajectories = vec![PredictedTrajectory { track, poses }];
-        self.prediction.futures = vec![Future { probability: 1.0, trajectories }];
+        self.prediction.futures = vec![Future { probability: 1.0, trajectories, controls: vec![] }];
         self
     }
 

@@ -106,7 +106,7 @@ impl Log {
             }
             Foresight::Oracle => {
                 let trajectories: Vec<_> = observation.agents.iter().map(|a| self.logged(a, observation)).collect();
-                let future = Future { probability: 1.0, trajectories };
+                let future = Future { probability: 1.0, trajectories, controls: vec![] };
                 UncheckedPrediction { step: observation.step, futures: vec![future], ..Default::default() }
             }
         };

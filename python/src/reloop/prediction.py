@@ -25,6 +25,9 @@ class Future:
     track: Ints
     #: x, y (m) and heading (rad) at 0.1 s, 0.2 s, ... 5.0 s from now, shape (agents, 50, 3).
     poses: Floats
+    #: The AV's own acceleration (m/s²) and steering (rad) in this future as the predictor sees it, shape (50, 2); None
+    #: where it says nothing of it.
+    controls: Floats | None = None
 
     def __post_init__(self) -> None:
         track = np.array(self.track, dtype=np.int64).reshape(-1)
@@ -32,6 +35,8 @@ class Future:
         object.__setattr__(self, "probability", float(self.probability))
         object.__setattr__(self, "track", frozen(track))
         object.__setattr__(self, "poses", frozen(poses if poses.size else poses.reshape(len(track), PLAN_STEPS, 3)))
+        if self.controls is not None:
+            object.__setattr__(self, "controls", frozen(np.array(self.controls, dtype=np.float64)))
 
 
 class Prediction:
@@ -96,6 +101,10 @@ class Prediction:
             for track, poses in zip(future.track.tolist(), future.poses, strict=True):
                 x, y, heading = poses.T.tolist()
                 told.trajectories.add(track=track, x=x, y=y, heading=heading)
+            if future.controls is not None:
+                check("controls of a future", future.controls, (PLAN_STEPS, 2), ("acceleration", "steering"))
+                for acceleration, steering in future.controls.tolist():
+                    told.controls.add(acceleration=acceleration, steering=steering)
         for acceleration, steering in [] if self.initial_controls is None else self.initial_controls.tolist():
             prediction.initial_controls.add(acceleration=acceleration, steering=steering)
         return prediction
@@ -112,7 +121,22 @@ def _future(message: Any) -> Future:
     for agent, each in enumerate(columns):
         for axis, column in enumerate(each):
             poses[agent, : len(column), axis] = column
-    return Future(message.probability, np.array([t.track for t in message.trajectories], dtype=np.int64), poses)
+    track = np.array([t.track for t in message.trajectories], dtype=np.int64)
+    return Future(message.probability, track, poses, _controls(message))
+
+
+def _controls(message: Any) -> Floats | None:
+    columns = (
+        _column([c.acceleration for c in message.controls], message.acceleration_bits),
+        _column([c.steering for c in message.controls], message.steering_bits),
+    )
+    steps = max(len(column) for column in columns)
+    if not steps:
+        return None
+    controls = np.full((steps, 2), np.nan)
+    for axis, column in enumerate(columns):
+        controls[: len(column), axis] = column
+    return controls
 
 
 def _column(numbers: Any, bits: Any) -> Floats:

@@ -272,7 +272,14 @@ fn prediction(step: u32, size: Size) -> proto::Prediction {
             }
         };
         let probability = [0.7, 0.3, 0.1][number.min(2)];
-        proto::Future { probability, trajectories: agents.iter().map(trajectory).collect() }
+        let brakes =
+            |t: i32| proto::Control { acceleration: 0.5 - 0.02 * f64::from(t) * number as f64, steering: 0.01 };
+        proto::Future {
+            probability,
+            trajectories: agents.iter().map(trajectory).collect(),
+            controls: (1..=50).map(brakes).collect(),
+            ..Default::default()
+        }
     };
     proto::Prediction { step, futures: (0..size.futures).map(future).collect(), ..proto::Prediction::default() }
 }

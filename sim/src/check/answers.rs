@@ -28,7 +28,7 @@ pub enum Answer {
 
 impl Answer {
     /// Its numbers in order: of each state x, y, heading, speed, then the controls; or of each future its probability, and of each
-    /// trajectory the track and x, y, heading of each pose.
+    /// trajectory the track and x, y, heading of each pose. Not those of [`Answer::controls_in_futures`].
     #[must_use]
     pub fn numbers(&self) -> Vec<f64> {
         match self {
@@ -54,6 +54,15 @@ impl Answer {
             }
         }
     }
+
+    /// What a predictor says of the AV: each control in each future. Apart from the other numbers, because files of answers that were
+    /// written before futures had controls hold the others alone.
+    #[must_use]
+    pub fn controls_in_futures(&self) -> Vec<f64> {
+        let Self::Prediction(prediction) = self else { return Vec::new() };
+        let controls = prediction.futures().iter().flat_map(|future| &future.controls);
+        controls.flat_map(|c| [c.acceleration, c.steering]).collect()
+    }
 }
 
 /// The answers along a course, and how long each took.
@@ -72,7 +81,8 @@ pub fn difference(one: &[Answer], other: &[Answer]) -> Option<String> {
         return Some(format!("{} answers, then {}", one.len(), other.len()));
     }
     let at = one.iter().zip(other).position(|(one, other)| one != other)?;
-    let apart = one.get(at).zip(other.get(at)).and_then(|(one, other)| apart(&one.numbers(), &other.numbers()));
+    let all = |answer: &Answer| [answer.numbers(), answer.controls_in_futures()].concat();
+    let apart = one.get(at).zip(other.get(at)).and_then(|(one, other)| apart(&all(one), &all(other)));
     Some(match apart {
         Some(0.0) => format!("the answers part at step {at}, in what they say beside their numbers"),
         Some(most) => format!("the answers part at step {at}, by up to {most:.3e}"),

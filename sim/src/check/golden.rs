@@ -30,24 +30,35 @@ pub enum GoldenError {
     Role { path: String, theirs: String, ours: String },
 }
 
-/// The answers of a node: by course and step, as [`Answer::numbers`] has them.
+/// Numbers by course and step.
+type Numbers = BTreeMap<String, BTreeMap<usize, Vec<f64>>>;
+
+/// The answers of a node.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Golden {
     role: String,
-    answers: BTreeMap<String, BTreeMap<usize, Vec<f64>>>,
+    /// As [`Answer::numbers`] has them.
+    answers: Numbers,
+    /// As [`Answer::controls_in_futures`] has them. A file of before they were told has none, and holds no node to any.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    controls_in_futures: Numbers,
 }
 
 impl Golden {
     /// What is kept of these answers.
     pub fn of<'a>(role: Role, driven: impl Iterator<Item = (&'a str, &'a [Answer])>) -> Self {
-        let kept = |answers: &[Answer]| {
-            answers.iter().enumerate().step_by(EVERY).map(|(step, answer)| (step, answer.numbers())).collect()
-        };
-        Self {
-            role: role.to_string(),
-            answers: driven.map(|(name, answers)| (name.to_owned(), kept(answers))).collect(),
+        let (mut kept, mut controls_in_futures) = (Numbers::new(), Numbers::new());
+        for (name, answers) in driven {
+            let answers = answers.iter().enumerate().step_by(EVERY);
+            kept.insert(name.to_owned(), answers.clone().map(|(step, answer)| (step, answer.numbers())).collect());
+            let controls = answers.map(|(step, answer)| (step, answer.controls_in_futures()));
+            let controls: BTreeMap<_, _> = controls.filter(|(_, numbers)| !numbers.is_empty()).collect();
+            if !controls.is_empty() {
+                controls_in_futures.insert(name.to_owned(), controls);
+            }
         }
+        Self { role: role.to_string(), answers: kept, controls_in_futures }
     }
 
     /// Reads them.
@@ -101,22 +112,51 @@ impl Golden {
     pub fn compare(&self, now: &Self) -> Result<String, String> {
         for (course, answers) in &self.answers {
             let new = now.answers.get(course).ok_or_else(|| format!("{course} was not driven"))?;
-            for (step, numbers) in answers {
-                let apart = new.get(step).and_then(|now| apart(numbers, now));
-                let most = apart.ok_or_else(|| format!("{course}, step {step}: it says another number of things"))?;
-                if most > TOLERANCE {
-                    return Err(format!("{course}, step {step}: off by up to {most:.3e}"));
-                }
-            }
+            held(course, answers, new)?;
+        }
+        for (course, controls) in &self.controls_in_futures {
+            held(course, controls, now.controls_in_futures.get(course).unwrap_or(&BTreeMap::new()))?;
         }
         Ok(format!("{} answers as before", self.len()))
     }
 }
 
+/// The numbers of a course held to those of before.
+fn held(course: &str, before: &BTreeMap<usize, Vec<f64>>, now: &BTreeMap<usize, Vec<f64>>) -> Result<(), String> {
+    for (step, numbers) in before {
+        let apart = now.get(step).and_then(|now| apart(numbers, now));
+        let most = apart.ok_or_else(|| format!("{course}, step {step}: it says another number of things"))?;
+        if most > TOLERANCE {
+            return Err(format!("{course}, step {step}: off by up to {most:.3e}"));
+        }
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
+    use world::plan::{Control, Future, PLAN_STEPS, UncheckedPrediction};
+
     use super::super::course::Course;
     use super::*;
+
+    fn told(controls: Vec<Control>) -> Golden {
+        let future = Future { probability: 1.0, trajectories: vec![], controls };
+        let prediction = UncheckedPrediction { futures: vec![future], ..Default::default() };
+        let answers = [Answer::Prediction(prediction.check(0).unwrap())];
+        Golden::of(Role::Predictor, [("bend", &answers[..])].into_iter())
+    }
+
+    #[test]
+    fn a_file_of_before_futures_had_controls_holds_a_predictor_to_the_rest_alone() {
+        let of = |steering: f64| told(vec![Control { acceleration: 1.0, steering }; PLAN_STEPS]);
+        let (before, now) = (told(vec![]), of(0.1));
+        assert_eq!(serde_json::to_string(&before).unwrap(), r#"{"role":"predictor","answers":{"bend":{"0":[1.0]}}}"#);
+        assert_eq!(before.compare(&now), Ok("1 answers as before".to_owned()));
+        assert_eq!(now.compare(&now), Ok("1 answers as before".to_owned()));
+        assert_eq!(now.compare(&of(0.2)), Err("bend, step 0: off by up to 1.000e-1".to_owned()));
+        assert_eq!(now.compare(&before), Err("bend, step 0: it says another number of things".to_owned()));
+    }
 
     #[test]
     fn answers_come_back_from_the_file_and_changes_are_named() {

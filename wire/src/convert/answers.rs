@@ -103,6 +103,8 @@ impl From<&UncheckedPrediction> for proto::Prediction {
         let future = |f: &Future| proto::Future {
             probability: f.probability,
             trajectories: f.trajectories.iter().map(trajectory).collect(),
+            controls: f.controls.iter().copied().map(Into::into).collect(),
+            ..Default::default()
         };
         Self {
             step: prediction.step,
@@ -131,14 +133,15 @@ impl TryFrom<proto::Prediction> for UncheckedPrediction {
 
 fn prediction(message: proto::Prediction) -> Checked<UncheckedPrediction> {
     let proto::Prediction { step, futures, initial_controls, cost_weights, error: _ } = message;
-    let futures = futures.into_iter().map(|future| (future.probability, future.trajectories)).collect();
+    let parts = |future: proto::Future| (future.probability, future.trajectories, future.controls);
+    let futures = futures.into_iter().map(parts).collect();
     assembled(step, futures, initial_controls, cost_weights, trajectory)
 }
 
-/// A prediction of these parts: each future has its probability, and trajectories as they travel.
+/// A prediction of these parts: each future has its probability, trajectories as they travel, and controls.
 pub(super) fn assembled<T>(
     step: u32,
-    futures: Vec<(f64, Vec<T>)>,
+    futures: Vec<(f64, Vec<T>, Vec<proto::Control>)>,
     initial_controls: Vec<proto::Control>,
     cost_weights: Vec<f64>,
     trajectory: impl Fn(T) -> Checked<PredictedTrajectory>,
@@ -146,10 +149,11 @@ pub(super) fn assembled<T>(
     bounded("cost_weights", MAX_ENTRIES, cost_weights.len())?;
     Ok(UncheckedPrediction {
         step,
-        futures: each("futures", MAX_ENTRIES, futures, |(probability, trajectories)| {
+        futures: each("futures", MAX_ENTRIES, futures, |(probability, trajectories, controls)| {
             Ok(Future {
                 probability: unsigned(probability),
                 trajectories: each("trajectories", MAX_AGENTS, trajectories, &trajectory)?,
+                controls: controls.into_iter().map(Into::into).collect(),
             })
         })?,
         initial_controls: initial_controls.into_iter().map(Into::into).collect(),

@@ -16,22 +16,22 @@ use crate::proto;
 /// lead back to these very bytes: a node may have fields of its own.
 #[must_use]
 pub fn pack(prediction: &proto::Prediction, payload: &[u8]) -> Option<Vec<u8>> {
-    let is_plain =
-        |t: &proto::PredictedTrajectory| t.x_bits.is_empty() && t.y_bits.is_empty() && t.heading_bits.is_empty();
-    let all_plain = prediction.futures.iter().flat_map(|future| &future.trajectories).all(is_plain);
-    if !all_plain || prediction.encode_to_vec() != payload {
+    if !prediction.futures.iter().all(is_plain) || prediction.encode_to_vec() != payload {
         return None;
     }
     let trajectory = |t: &proto::PredictedTrajectory| proto::PredictedTrajectory {
         track: t.track,
-        x_bits: changes(&t.x),
-        y_bits: changes(&t.y),
-        heading_bits: changes(&t.heading),
+        x_bits: changes(t.x.iter().copied()),
+        y_bits: changes(t.y.iter().copied()),
+        heading_bits: changes(t.heading.iter().copied()),
         ..Default::default()
     };
     let future = |future: &proto::Future| proto::Future {
         probability: future.probability,
         trajectories: future.trajectories.iter().map(trajectory).collect(),
+        acceleration_bits: changes(future.controls.iter().map(|control| control.acceleration)),
+        steering_bits: changes(future.controls.iter().map(|control| control.steering)),
+        ..Default::default()
     };
     let packed = proto::Prediction {
         step: prediction.step,
@@ -41,6 +41,13 @@ pub fn pack(prediction: &proto::Prediction, payload: &[u8]) -> Option<Vec<u8>> {
         error: prediction.error.clone(),
     };
     Some(packed.encode_to_vec()).filter(|packed| packed.len() < payload.len())
+}
+
+/// Whether nothing of it is kept as bits.
+fn is_plain(future: &proto::Future) -> bool {
+    let trajectories =
+        future.trajectories.iter().all(|t| t.x_bits.is_empty() && t.y_bits.is_empty() && t.heading_bits.is_empty());
+    trajectories && future.acceleration_bits.is_empty() && future.steering_bits.is_empty()
 }
 
 /// The bytes that travelled, of a message that a recording holds as `recorded` on the channel of this name: of a prediction [`unpack`]ed.
@@ -55,24 +62,39 @@ pub fn unpack(recorded: &[u8]) -> Cow<'_, [u8]> {
     // What is no prediction is told by whoever reads it.
     let Ok(mut prediction) = decode::<proto::Prediction>(recorded) else { return Cow::Borrowed(recorded) };
     let mut any = false;
-    for trajectory in prediction.futures.iter_mut().flat_map(|future| &mut future.trajectories) {
-        let proto::PredictedTrajectory { track: _, x, y, heading, x_bits, y_bits, heading_bits } = trajectory;
-        for (column, bits) in [(x, x_bits), (y, y_bits), (heading, heading_bits)] {
-            if column.is_empty() && !bits.is_empty() {
-                any = true;
-                *column = numbers(&std::mem::take(bits));
+    for future in &mut prediction.futures {
+        for trajectory in &mut future.trajectories {
+            let proto::PredictedTrajectory { track: _, x, y, heading, x_bits, y_bits, heading_bits } = trajectory;
+            for (column, bits) in [(x, x_bits), (y, y_bits), (heading, heading_bits)] {
+                if column.is_empty() && !bits.is_empty() {
+                    any = true;
+                    *column = numbers(&std::mem::take(bits));
+                }
             }
+        }
+        let columns = [&mut future.acceleration_bits, &mut future.steering_bits];
+        if future.controls.is_empty() && columns.iter().any(|bits| !bits.is_empty()) {
+            any = true;
+            future.controls = controls(&columns.map(|bits| numbers(&std::mem::take(bits))));
         }
     }
     if any { Cow::Owned(prediction.encode_to_vec()) } else { Cow::Borrowed(recorded) }
 }
 
+/// What one column has beyond the other is a control of no number there: whoever checks it refuses it.
+fn controls([accelerations, steerings]: &[Vec<f64>; 2]) -> Vec<proto::Control> {
+    let number = |column: &[f64], place: usize| column.get(place).copied().unwrap_or(f64::NAN);
+    let control =
+        |place| proto::Control { acceleration: number(accelerations, place), steering: number(steerings, place) };
+    (0..accelerations.len().max(steerings.len())).map(control).collect()
+}
+
 /// How often differences are taken. Each makes what is left of a curve a hundredth, and twice the noise of rounding.
 const ORDER: usize = 4;
 
-fn changes(column: &[f64]) -> Vec<i64> {
+fn changes(column: impl Iterator<Item = f64>) -> Vec<i64> {
     let mut last = [0_i64; ORDER];
-    let change = |(place, number): (usize, &f64)| {
+    let change = |(place, number): (usize, f64)| {
         let mut value = number.to_bits().cast_signed();
         for level in &mut last[..place.min(ORDER)] {
             let now = std::mem::replace(level, value);
@@ -83,7 +105,7 @@ fn changes(column: &[f64]) -> Vec<i64> {
         }
         value
     };
-    column.iter().enumerate().map(change).collect()
+    column.enumerate().map(change).collect()
 }
 
 fn numbers(changes: &[i64]) -> Vec<f64> {
@@ -108,10 +130,14 @@ mod tests {
 
     use super::*;
 
+    /// Two futures of two agents that go alike; the AV's accelerations are the x, its steering the other way round.
     fn message(columns: [Vec<f64>; 3]) -> proto::Prediction {
         let [x, y, heading] = columns;
+        let control = |(x, back): (&f64, &f64)| proto::Control { acceleration: *x, steering: *back };
+        let controls = x.iter().zip(x.iter().rev()).map(control).collect();
         let trajectory = proto::PredictedTrajectory { track: 7, x, y, heading, ..Default::default() };
-        let future = proto::Future { probability: 0.5, trajectories: vec![trajectory; 2] };
+        let trajectories = vec![trajectory; 2];
+        let future = proto::Future { probability: 0.5, trajectories, controls, ..Default::default() };
         proto::Prediction { step: 3, futures: vec![future; 2], cost_weights: vec![1.0], ..Default::default() }
     }
 
@@ -139,9 +165,34 @@ mod tests {
         let payload = both.encode_to_vec();
         assert_eq!(pack(&both, &payload), None);
         assert_eq!(unpack(&payload), payload);
+        let mut both = prediction.clone();
+        both.futures[1].steering_bits = vec![1];
+        assert_eq!(pack(&both, &both.encode_to_vec()), None);
         let refusal = proto::Prediction { error: "no".to_owned(), ..Default::default() };
         assert_eq!(pack(&refusal, &refusal.encode_to_vec()), None);
         assert_eq!(unpack(b"nothing of the kind"), &b"nothing of the kind"[..]);
+    }
+
+    #[test]
+    fn what_was_recorded_before_futures_had_controls_is_read_as_ever() {
+        let line = || (0..50).map(f64::from).collect::<Vec<f64>>();
+        let mut prediction = message([line(), line(), line()]);
+        prediction.futures.iter_mut().for_each(|future| future.controls.clear());
+        let packed = pack(&prediction, &prediction.encode_to_vec()).unwrap();
+        let recorded = decode::<proto::Prediction>(&packed).unwrap();
+        assert!(
+            recorded.futures.iter().all(|future| future.controls.is_empty() && future.acceleration_bits.is_empty())
+        );
+        assert_eq!(*unpack(&packed), prediction.encode_to_vec());
+    }
+
+    #[test]
+    fn a_column_of_controls_that_is_too_short_is_found_out() {
+        let future = proto::Future { probability: 1.0, acceleration_bits: vec![0; 50], ..Default::default() };
+        let recorded = proto::Prediction { futures: vec![future], ..Default::default() };
+        let told = decode::<proto::Prediction>(&unpack(&recorded.encode_to_vec())).unwrap();
+        let checked = world::plan::UncheckedPrediction::try_from(told).unwrap().check(0);
+        assert!(matches!(checked, Err(world::plan::AnswerError::OutOfRange { index: 0, .. })), "{checked:?}");
     }
 
     proptest! {

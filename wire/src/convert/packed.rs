@@ -35,6 +35,8 @@ struct PackedFuture {
     probability: f64,
     #[prost(message, repeated, tag = "2")]
     trajectories: Vec<Trajectory>,
+    #[prost(message, repeated, tag = "3")]
+    controls: Vec<proto::Control>,
 }
 
 #[derive(Clone, PartialEq, prost::Message)]
@@ -63,7 +65,8 @@ pub fn prediction(bytes: &[u8]) -> Result<UncheckedPrediction, MessageError> {
         Ok(packed) if packed.encoded_len() == bytes.len() && packed.is_of_whole_numbers() => {
             refuse(&packed.error)?;
             let Prediction { step, futures, initial_controls, cost_weights, error: _ } = packed;
-            let futures = futures.into_iter().map(|future| (future.probability, future.trajectories)).collect();
+            let parts = |future: PackedFuture| (future.probability, future.trajectories, future.controls);
+            let futures = futures.into_iter().map(parts).collect();
             let prediction = assembled(step, futures, initial_controls, cost_weights, |t| trajectory(&t));
             prediction.map_err(|e| e.of(proto::Prediction::NAME))
         }
@@ -98,7 +101,10 @@ mod tests {
         let column = |from: f64| (0..50).map(|k| from + f64::from(k)).collect::<Vec<f64>>();
         let [x, y, heading] = [1.0, -2.0, 0.0].map(column);
         let trajectory = proto::PredictedTrajectory { track: 7, x, y, heading, ..Default::default() };
-        let future = proto::Future { probability: 0.5, trajectories: vec![trajectory; 3] };
+        let control = |k: u32| proto::Control { acceleration: 0.5 * f64::from(k), steering: -0.01 };
+        let controls = (0..50).map(control).collect();
+        let future =
+            proto::Future { probability: 0.5, trajectories: vec![trajectory; 3], controls, ..Default::default() };
         proto::Prediction { step: 3, futures: vec![future; 2], cost_weights: vec![1.0, 2.0], ..Default::default() }
     }
 
@@ -109,7 +115,10 @@ mod tests {
     #[test]
     fn it_reads_what_the_usual_way_reads() {
         let bytes = message().encode_to_vec();
-        assert!(prediction(&bytes).unwrap().futures[1].trajectories[2].poses[49].x == 50.0);
+        let read = prediction(&bytes).unwrap();
+        assert!(
+            read.futures[1].trajectories[2].poses[49].x == 50.0 && read.futures[1].controls[49].acceleration == 24.5
+        );
         assert_eq!(prediction(&bytes), usual(&bytes));
         let refusal = proto::Prediction { step: 1, error: "no".to_owned(), ..Default::default() }.encode_to_vec();
         assert_eq!(prediction(&refusal), Err(MessageError::Refused("no".to_owned())));

@@ -165,20 +165,23 @@ fn plan() -> impl Strategy<Value = UncheckedPlan> {
 }
 
 fn prediction() -> impl Strategy<Value = UncheckedPrediction> {
-    (any::<u32>(), vec(vec(number(), 0..60), 0..4)).prop_map(|(step, futures)| UncheckedPrediction {
-        step,
-        futures: futures
-            .into_iter()
-            .map(|xs| Future {
-                probability: 0.25,
-                trajectories: vec![PredictedTrajectory {
-                    track: TrackId(3),
-                    poses: xs.iter().map(|&x| Pose::new(x, -x, 0.1 * x)).collect(),
-                }],
-            })
-            .collect(),
-        initial_controls: vec![Control::default(); 2],
-        cost_weights: vec![1.0, 2.0],
+    (any::<u32>(), vec((vec(number(), 0..60), vec(number(), 0..60)), 0..4)).prop_map(|(step, futures)| {
+        UncheckedPrediction {
+            step,
+            futures: futures
+                .into_iter()
+                .map(|(xs, accelerations)| Future {
+                    probability: 0.25,
+                    trajectories: vec![PredictedTrajectory {
+                        track: TrackId(3),
+                        poses: xs.iter().map(|&x| Pose::new(x, -x, 0.1 * x)).collect(),
+                    }],
+                    controls: accelerations.iter().map(|&a| Control { acceleration: a, steering: 0.1 * a }).collect(),
+                })
+                .collect(),
+            initial_controls: vec![Control::default(); 2],
+            cost_weights: vec![1.0, 2.0],
+        }
     })
 }
 
@@ -383,7 +386,12 @@ fn a_negative_zero_arrives_as_zero_whatever_library_sent_it() {
             heading: vec![zero],
             ..Default::default()
         };
-        let future = proto::Future { probability: zero, trajectories: vec![trajectory] };
+        let future = proto::Future {
+            probability: zero,
+            trajectories: vec![trajectory],
+            controls: vec![control],
+            ..Default::default()
+        };
         let prediction = proto::Prediction {
             futures: vec![future],
             initial_controls: vec![control],
