@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
-use planner_node::{Choice, GaussNewtonOptions, Weights};
+use planner_node::{Choice, GaussNewtonOptions, ProposalsOptions, Weights};
 
 /// Serves a planner on the bus of a run
 #[derive(Debug, Parser)]
@@ -25,6 +25,8 @@ pub struct Serve {
     pub node: wire::node::Options,
     #[command(flatten)]
     pub gauss_newton: GaussNewtonOptions,
+    #[command(flatten)]
+    pub proposals: ProposalsOptions,
 }
 
 #[derive(Debug, Subcommand)]

@@ -20,6 +20,7 @@ mod gauss_newton_planner;
 mod human;
 mod idm;
 mod network;
+mod proposals;
 pub mod verify;
 
 use std::sync::Arc;
@@ -34,6 +35,7 @@ pub use gauss_newton_planner::{
 pub use human::Human;
 pub use idm::Idm;
 pub use network::Network;
+pub use proposals::{Contingency, Options as ProposalsOptions, Proposals};
 
 /// The planners by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -48,6 +50,8 @@ pub enum PlannerKind {
     GaussNewton,
     /// What the prediction network would do itself; needs the predictor network
     Network,
+    /// The best of many ways to drive along the route, each tried among the predicted futures; needs a predictor
+    Proposals,
 }
 
 /// Which planner, and where the log is.
@@ -63,13 +67,14 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// The planner's factory. `gauss_newton` is for that planner, `logs` is where planners that read the log find it; without it they open what they are told.
+    /// The planner's factory. `gauss_newton` and `proposals` are for these planners, `logs` is where planners that read the log find it; without it they open what they are told.
     ///
     /// # Errors
     /// [`SetError`] where the planner needs the scene set and it cannot be opened.
     pub fn factory(
         &self,
         gauss_newton: &GaussNewtonOptions,
+        proposals: ProposalsOptions,
         logs: Option<Arc<dyn Logs>>,
     ) -> Result<Arc<dyn PlannerFactory>, SetError> {
         let logs = || match logs {
@@ -82,6 +87,7 @@ impl Choice {
             PlannerKind::ConstantVelocity => Arc::new(ConstantVelocity),
             PlannerKind::GaussNewton => Arc::new(GaussNewton(gauss_newton.clone())),
             PlannerKind::Network => Arc::new(Network),
+            PlannerKind::Proposals => Arc::new(Proposals(proposals)),
         })
     }
 }

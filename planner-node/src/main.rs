@@ -41,7 +41,7 @@ fn run(cli: cli::Cli) -> anyhow::Result<ExitCode> {
     }
     // clap lets nothing pass that has neither.
     let Some(serve) = cli.serve else { bail!("nothing to do: give --planner") };
-    let factory = serve.choice.factory(&serve.gauss_newton, None).context("cannot open the scenes")?;
+    let factory = serve.choice.factory(&serve.gauss_newton, serve.proposals, None).context("cannot open the scenes")?;
     Ok(match wire::node::serve_planner(&serve.node, factory)? {
         Stop::Interrupted => ExitCode::from(130),
         Stop::ParentGone | Stop::SimGone => ExitCode::SUCCESS,

@@ -4,6 +4,7 @@
 //! | predictor | file | what |
 //! | --- | --- | --- |
 //! | `ctrv` | `ctrv.rs` | every agent keeps its turn rate and speed |
+//! | `ctra` | `ctra.rs` | every agent keeps its turn rate and acceleration of the last half second, both fading |
 //! | `network` | `network.rs` | the prediction network of the DIPP paper; its mathematics is [`mod@::network`] |
 //! | `oracle` | `oracle.rs` | what the log says; reads the scene set by itself |
 //!
@@ -12,6 +13,7 @@
 //! A predictor is pure: what it answers depends on its inputs alone. To add one: a file, a member of [`PredictorKind`], a
 //! line in [`Choice::factory`].
 
+mod ctra;
 mod ctrv;
 pub mod explain;
 mod network;
@@ -25,6 +27,7 @@ use scenarios::{Logs, SceneSet, SetError};
 use thiserror::Error;
 use wire::node::PredictorFactory;
 
+pub use ctra::Ctra;
 pub use ctrv::{Ctrv, TurnRate};
 pub use network::{FeatureStyle, Network, NetworkError};
 pub use oracle::Oracle;
@@ -34,6 +37,8 @@ pub use oracle::Oracle;
 pub enum PredictorKind {
     /// Every agent keeps its turn rate and speed
     Ctrv,
+    /// Every agent keeps turn rate and acceleration of its last half second, for a while
+    Ctra,
     /// What the log says; needs --scenarios
     Oracle,
     /// The prediction network
@@ -103,6 +108,7 @@ impl Choice {
         };
         Ok(match self.predictor {
             PredictorKind::Ctrv => Arc::new(Ctrv(options.turn_rate)),
+            PredictorKind::Ctra => Arc::new(Ctra),
             PredictorKind::Oracle => Arc::new(Oracle(logs()?)),
             PredictorKind::Network => {
                 let network = Network::open(options.weights.as_deref(), options.features)?;

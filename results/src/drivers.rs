@@ -11,6 +11,8 @@ pub enum Predictor {
     None,
     /// Everybody keeps turn rate and speed
     Ctrv,
+    /// Everybody keeps turn rate and acceleration for a while
+    Ctra,
     /// The log's own future
     Oracle,
     /// The prediction network
@@ -48,7 +50,7 @@ pub struct Driver {
 }
 
 /// Who drives where nobody else is asked for.
-pub const DEFAULT: &str = "dipp";
+pub const DEFAULT: &str = "proposals";
 
 /// All of them.
 pub const DRIVERS: &[Driver] = &[
@@ -101,6 +103,26 @@ pub const DRIVERS: &[Driver] = &[
         planner_reads_log: false,
         predictor: Predictor::Oracle,
         weights: None,
+        motion: MotionName::Bicycle,
+    },
+    Driver {
+        name: "proposals",
+        about: "The best of many ways along the route, each tried in a small simulation; others go on as they move",
+        planner: "proposals",
+        planner_options: &[],
+        planner_reads_log: false,
+        predictor: Predictor::Ctra,
+        weights: None,
+        motion: MotionName::Bicycle,
+    },
+    Driver {
+        name: "contingency",
+        about: "The same among the three futures of the network of dipp, with a branch for each",
+        planner: "proposals",
+        planner_options: &[],
+        planner_reads_log: false,
+        predictor: Predictor::Network,
+        weights: Some(weights::BUILT_IN),
         motion: MotionName::Bicycle,
     },
     Driver {
@@ -158,7 +180,7 @@ mod tests {
 
     #[test]
     fn who_drives_by_default_is_a_driver_that_needs_no_file() {
-        assert_eq!(find(DEFAULT).unwrap().weights, Some(weights::BUILT_IN));
+        assert!(find(DEFAULT).unwrap().weights.is_none_or(|weights| weights == weights::BUILT_IN));
     }
 
     #[test]

@@ -127,6 +127,7 @@ impl Request {
             }
             (None, Predictor::None) => None,
             (None, Predictor::Ctrv) => Some(Node::named("ctrv", false)),
+            (None, Predictor::Ctra) => Some(Node::named("ctra", false)),
             (None, Predictor::Oracle) => Some(Node::named("oracle", true)),
             (None, Predictor::Network) => {
                 Some(network(row, arguments.weights.as_deref(), arguments.features.as_deref())?)

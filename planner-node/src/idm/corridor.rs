@@ -176,6 +176,11 @@ impl Corridor {
         self.whole.line.heading[self.first_sample + self.inside(sample)]
     }
 
+    /// Where `sample` lies.
+    pub fn point(&self, sample: usize) -> Point {
+        self.whole.line.point(self.first_sample + self.inside(sample))
+    }
+
     /// Unit vector along the line at `sample`.
     pub fn direction(&self, sample: usize) -> Point {
         self.whole.directions[self.first_sample + self.inside(sample)]

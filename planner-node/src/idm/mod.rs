@@ -16,8 +16,8 @@
 mod corridor;
 mod measured_line;
 mod obstacles;
-mod speed;
-mod steering;
+pub mod speed;
+pub mod steering;
 
 use wire::node::{Planner, PlannerFactory, StepInput};
 use world::observation::Briefing;
@@ -25,10 +25,9 @@ use world::plan::{Control, Diagnostics, PLAN_STEPS, PlanState, STEP_SECONDS, Unc
 use world::scene::AgentState;
 use world::vehicle::{BicycleModel, Limits, VehicleState};
 
-pub use corridor::Corridor;
-use corridor::Place;
-use obstacles::Obstacle;
-pub use speed::DesiredSpeed;
+pub use corridor::{Corridor, Footprint, Place};
+pub use obstacles::{Obstacle, in_the_way};
+pub use speed::{DesiredSpeed, Manner, Wanted};
 
 /// A deceleration below this (m/s^2) is not worth a word.
 const NOTICEABLE: f64 = 0.1;
@@ -49,25 +48,30 @@ impl PlannerFactory for Idm {
 pub struct IdmDrive {
     corridor: Corridor,
     desired: DesiredSpeed,
+    obstacles: Vec<Obstacle>,
 }
 
 impl IdmDrive {
     /// At the start of an episode.
     pub fn new(briefing: &Briefing) -> Self {
-        Self { corridor: Corridor::new(&briefing.reference_line), desired: DesiredSpeed::default() }
+        Self {
+            corridor: Corridor::new(&briefing.reference_line),
+            desired: DesiredSpeed::default(),
+            obstacles: Vec::new(),
+        }
     }
 }
 
 impl Planner for IdmDrive {
     fn plan(&mut self, step: &StepInput<'_>) -> Result<UncheckedPlan, String> {
         let StepInput { briefing, observation, .. } = step;
-        let Self { corridor, desired } = self;
+        let Self { corridor, desired, obstacles } = self;
         corridor.move_to(&observation.window).ok_or("the window of the reference line has less than two samples")?;
         desired.fill(corridor, &observation.window);
         let av = &observation.av;
         let own = corridor.own(av.position());
         let place = corridor.project(av.position(), own);
-        let obstacles = obstacles::in_the_way(corridor, place, observation);
+        in_the_way(corridor, place, observation, obstacles);
 
         let model = match briefing.protocol.as_str() {
             "paper" => BicycleModel::authors_test(),
@@ -81,14 +85,15 @@ impl Planner for IdmDrive {
             step: observation.step,
             states: Vec::with_capacity(PLAN_STEPS),
             controls: Vec::with_capacity(PLAN_STEPS),
-            diagnostics: Diagnostics { status: status(place, av, &obstacles), ..Default::default() },
+            diagnostics: Diagnostics { status: status(place, av, obstacles), ..Default::default() },
         };
         for k in 0..PLAN_STEPS {
             let place = corridor.project(state.pose().position(), hint);
             hint = place.sample;
             let front = place.station + 0.5 * av.length;
             let ahead = |o: &Obstacle| (o.station_after(k as f64 * STEP_SECONDS) - front, o.speed);
-            let acceleration = speed::acceleration(state.speed, desired.at(place.sample), obstacles.iter().map(ahead));
+            let acceleration =
+                speed::acceleration(&Manner::IDM, state.speed, desired.at(place.sample), obstacles.iter().map(ahead));
             let wanted = Control {
                 acceleration: speed::smooth(driven.acceleration, acceleration),
                 steering: steering::angle(corridor, &place, &state, briefing.wheelbase),
@@ -105,7 +110,7 @@ impl Planner for IdmDrive {
 /// What holds the AV back most, for whoever watches.
 fn status(place: Place, av: &AgentState, obstacles: &[Obstacle]) -> String {
     let front = place.station + 0.5 * av.length;
-    let hold = |o: &Obstacle| speed::interaction(av.speed(), o.station - front, o.speed);
+    let hold = |o: &Obstacle| speed::interaction(&Manner::IDM, av.speed(), o.station - front, o.speed);
     let most = obstacles.iter().max_by(|a, b| hold(a).total_cmp(&hold(b)));
     most.filter(|o| hold(o) > NOTICEABLE).map_or_else(|| "free".to_owned(), |o| o.what.to_string())
 }

@@ -65,6 +65,11 @@ pub struct Obstacle {
 }
 
 impl Obstacle {
+    /// Whether it stays where it is: a red light, or the line's end.
+    pub fn is_fixed(&self) -> bool {
+        matches!(self.what, What::RedLight | What::LineEnd)
+    }
+
     /// Where it is `seconds` later.
     pub fn station_after(&self, seconds: f64) -> f64 {
         self.station + self.speed * seconds
@@ -94,8 +99,8 @@ impl Av {
     }
 }
 
-/// All that is in the way of the AV, which is at `place`, in no order.
-pub fn in_the_way(corridor: &Corridor, place: Place, observation: &Observation) -> Vec<Obstacle> {
+/// Puts all that is in the way of the AV, which is at `place`, into `obstacles`, in no order.
+pub fn in_the_way(corridor: &Corridor, place: Place, observation: &Observation, obstacles: &mut Vec<Obstacle>) {
     let state = &observation.av;
     let av = Av {
         place,
@@ -104,11 +109,10 @@ pub fn in_the_way(corridor: &Corridor, place: Place, observation: &Observation) 
         half_width: 0.5 * state.width,
         speed: state.speed(),
     };
-    let mut obstacles: Vec<Obstacle> =
-        observation.agents.iter().filter_map(|agent| of_agent(corridor, &av, agent)).collect();
+    obstacles.clear();
+    obstacles.extend(observation.agents.iter().filter_map(|agent| of_agent(corridor, &av, agent)));
     obstacles.extend(red_light(corridor, &av, &observation.window.red_stops));
     obstacles.extend(line_end(corridor));
-    obstacles
 }
 
 fn of_agent(corridor: &Corridor, av: &Av, agent: &ObservedAgent) -> Option<Obstacle> {

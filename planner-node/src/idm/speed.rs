@@ -10,12 +10,22 @@ use world::reference_line::ReferenceWindow;
 
 use super::corridor::Corridor;
 
-/// Time headway to the leader (s).
-pub const HEADWAY: f64 = 1.5;
-/// Gap at standstill (m).
-pub const STANDSTILL_GAP: f64 = 2.0;
-/// Acceleration on a free road from standstill (m/s^2).
-pub const ACCELERATION: f64 = 1.5;
+/// How a driver follows and pulls away.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Manner {
+    /// Time headway to the leader (s).
+    pub headway: f64,
+    /// Gap at standstill (m).
+    pub standstill_gap: f64,
+    /// Acceleration on a free road from standstill (m/s^2).
+    pub acceleration: f64,
+}
+
+impl Manner {
+    /// That of the planner `idm`.
+    pub const IDM: Self = Self { headway: 1.5, standstill_gap: 2.0, acceleration: 1.5 };
+}
+
 /// Comfortable deceleration (m/s^2).
 pub const DECELERATION: f64 = 3.0;
 /// Braking for one that pulls away (m/s^2).
@@ -93,14 +103,14 @@ pub fn local(curvature: f64, limit: f64) -> f64 {
 ///
 /// Treiber's free-road term knows a desired speed that stays. Where it falls, before a curve, the vehicle follows that
 /// fall, and what it is too fast goes within [`SPEED_SETTLING`].
-pub fn acceleration(speed: f64, wanted: Wanted, leaders: impl Iterator<Item = (f64, f64)>) -> f64 {
+pub fn acceleration(manner: &Manner, speed: f64, wanted: Wanted, leaders: impl Iterator<Item = (f64, f64)>) -> f64 {
     let desired = wanted.speed.max(0.1);
     // Treiber's exponent is 4.
     let squared = (speed / desired) * (speed / desired);
-    let free = ACCELERATION * (1.0 - squared * squared);
+    let free = manner.acceleration * (1.0 - squared * squared);
     let tracking = (desired - speed) / SPEED_SETTLING - wanted.braking;
     let road = free.max(-DECELERATION).min(tracking).max(-DECELERATION);
-    let interaction = leaders.map(|(gap, leader)| interaction(speed, gap, leader)).fold(0.0, f64::max);
+    let interaction = leaders.map(|(gap, leader)| interaction(manner, speed, gap, leader)).fold(0.0, f64::max);
     // No harder than to a stop: what is asked for beyond that would have to be taken back first.
     (road - interaction).max(-HARDEST_BRAKING).max(-speed / STEP_SECONDS)
 }
@@ -116,14 +126,15 @@ pub fn smooth(previous: f64, wanted: f64) -> f64 {
 }
 
 /// How much one leader takes off (m/s^2).
-pub fn interaction(speed: f64, gap: f64, leader: f64) -> f64 {
-    let approach = speed * (speed - leader) / (2.0 * (ACCELERATION * DECELERATION).sqrt());
-    let wanted = STANDSTILL_GAP + (speed * HEADWAY + approach).max(0.0);
+pub fn interaction(manner: &Manner, speed: f64, gap: f64, leader: f64) -> f64 {
+    let Manner { headway, standstill_gap, acceleration } = *manner;
+    let approach = speed * (speed - leader) / (2.0 * (acceleration * DECELERATION).sqrt());
+    let wanted = standstill_gap + (speed * headway + approach).max(0.0);
     // Closer than a hand's breadth is all the same: brake as hard as can be.
     let ratio = wanted / gap.max(0.1);
-    let interaction = ACCELERATION * ratio * ratio;
+    let interaction = acceleration * ratio * ratio;
     // A faster one drives away: it is let go ahead, but nobody brakes hard for it. (It may just have been replayed through us.)
-    if leader > speed { interaction.min(ACCELERATION + COMFORTABLE_BRAKING) } else { interaction }
+    if leader > speed { interaction.min(acceleration + COMFORTABLE_BRAKING) } else { interaction }
 }
 
 #[cfg(test)]
@@ -138,26 +149,27 @@ mod tests {
     fn on_a_free_road_it_speeds_up_to_the_desired_speed_and_no_further() {
         let mut speed = 0.0;
         for _ in 0..1000 {
-            speed += 0.1 * acceleration(speed, steady(10.0), std::iter::empty());
+            speed += 0.1 * acceleration(&Manner::IDM, speed, steady(10.0), std::iter::empty());
         }
         assert!((speed - 10.0).abs() < 0.1, "{speed}");
-        assert!(acceleration(12.0, steady(10.0), std::iter::empty()) < 0.0);
+        assert!(acceleration(&Manner::IDM, 12.0, steady(10.0), std::iter::empty()) < 0.0);
     }
 
     #[test]
     fn behind_a_leader_of_its_speed_the_gap_is_treibers_equilibrium() {
         // s_e = (s0 + vT) / sqrt(1 - (v/v0)^4), equation 5 of the paper of 2000.
         let (speed, desired) = (10.0_f64, 15.0_f64);
-        let gap = (STANDSTILL_GAP + speed * HEADWAY)
+        let gap = (Manner::IDM.standstill_gap + speed * Manner::IDM.headway)
             / (1.0 - (speed / desired) * (speed / desired) * (speed / desired) * (speed / desired)).sqrt();
-        assert!(acceleration(speed, steady(desired), std::iter::once((gap, speed))).abs() < 1e-12);
+        assert!(acceleration(&Manner::IDM, speed, steady(desired), std::iter::once((gap, speed))).abs() < 1e-12);
     }
 
     #[test]
     fn it_stops_before_a_wall() {
         let (mut gap, mut speed) = (60.0, 15.0);
         for _ in 0..400 {
-            speed = (speed + 0.1 * acceleration(speed, steady(15.0), std::iter::once((gap, 0.0)))).max(0.0);
+            speed =
+                (speed + 0.1 * acceleration(&Manner::IDM, speed, steady(15.0), std::iter::once((gap, 0.0)))).max(0.0);
             gap -= 0.1 * speed;
         }
         assert!(gap > 0.5 && gap < 4.0 && speed < 0.1, "gap {gap}, speed {speed}");

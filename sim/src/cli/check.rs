@@ -49,6 +49,8 @@ pub struct CheckNodeArgs {
 pub enum Companion {
     /// Constant turn rate and velocity
     Ctrv,
+    /// Constant turn rate and acceleration, both fading
+    Ctra,
     /// The prediction network, with the weights of dipp
     Network,
 }
@@ -59,6 +61,7 @@ impl Companion {
     pub fn name(self) -> &'static str {
         match self {
             Self::Ctrv => "ctrv",
+            Self::Ctra => "ctra",
             Self::Network => "network",
         }
     }

@@ -33,6 +33,8 @@ struct PlannerLine {
     choice: planner_node::Choice,
     #[command(flatten)]
     gauss_newton: planner_node::GaussNewtonOptions,
+    #[command(flatten)]
+    proposals: planner_node::ProposalsOptions,
 }
 
 #[derive(Parser)]
@@ -49,7 +51,7 @@ pub fn minds(settings: &Settings, machine: &Machine, logs: &Arc<DrivenLogs>) -> 
     let Planner::Node(planner) = &settings.planner else { return Err(InProcessError::NotOurs) };
     let logs = || Some(Arc::clone(logs) as Arc<dyn Logs>);
     let line = parsed::<PlannerLine>("planner-node", "--planner", planner, machine)?;
-    let planner = line.choice.factory(&line.gauss_newton, logs())?;
+    let planner = line.choice.factory(&line.gauss_newton, line.proposals, logs())?;
     if settings.predictor.as_ref().is_some_and(|node| node.command.is_some()) {
         return Err(InProcessError::NotOurs);
     }

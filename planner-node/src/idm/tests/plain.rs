@@ -10,7 +10,7 @@ use world::scene::{AgentKind, AgentState};
 use world::vehicle::{BicycleModel, Limits, VehicleState};
 
 use crate::idm::obstacles::{Obstacle, What};
-use crate::idm::speed::{self, Wanted};
+use crate::idm::speed::{self, Manner, Wanted};
 
 struct Corridor<'a> {
     window: &'a ReferenceWindow,
@@ -262,7 +262,8 @@ pub fn plan(step: &StepInput<'_>) -> UncheckedPlan {
         let leaders = obstacles.iter().map(|o| (o.station + o.speed * (k as f64 * STEP_SECONDS) - front, o.speed));
         let falls = sample < corridor.last() && desired[sample + 1] < desired[sample];
         let wanted = Wanted { speed: desired[sample], braking: if falls { 1.5 } else { 0.0 } };
-        let acceleration = speed::smooth(driven.acceleration, speed::acceleration(now.speed, wanted, leaders));
+        let acceleration =
+            speed::smooth(driven.acceleration, speed::acceleration(&Manner::IDM, now.speed, wanted, leaders));
 
         let settling = now.speed.max(4.0);
         let ahead = corridor.sample_at(station + 0.2 * now.speed);
@@ -277,7 +278,7 @@ pub fn plan(step: &StepInput<'_>) -> UncheckedPlan {
         plan.controls.push(driven);
         plan.states.push(now);
     }
-    let hold = |o: &Obstacle| speed::interaction(av.speed, o.station - av.front, o.speed);
+    let hold = |o: &Obstacle| speed::interaction(&Manner::IDM, av.speed, o.station - av.front, o.speed);
     let most = obstacles.iter().max_by(|a, b| hold(a).total_cmp(&hold(b))).filter(|o| hold(o) > 0.1);
     plan.diagnostics.status = most.map_or("free".to_owned(), |o| o.what.to_string());
     plan

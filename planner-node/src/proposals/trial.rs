@@ -1,0 +1,348 @@
+//! What a proposal would be worth: driven in a small simulation among the expected futures, and judged by the sim's own judges, with the
+//! weights of nuPlan's score.
+
+use episode::judges::Body;
+use episode::judges::collision::{classify, is_at_fault, is_behind};
+use episode::judges::rear_axle_to_center;
+use episode::judges::road::{RoadEdges, TOLERANCE, outermost};
+use episode::judges::time_to_collision::{LEAST_TIME_TO_COLLISION, STANDING_SPEED, TrafficAgent, time_to_collision};
+use episode::metrics::savitzky_golay::SavitzkyGolay;
+use world::geometry::{OrientedBox, boxes_overlap};
+use world::plan::{Control, PLAN_STEPS, STEP_SECONDS};
+use world::scene::{AgentState, TrackId};
+
+use super::company::{Company, Expected, FUTURES, LOOK_STEPS, LOOKS, Other};
+use super::ride::Filter;
+use super::rollout::Rollout;
+
+/// Looks that are judged: 4 s. What is expected later is not worth much.
+const JUDGED: usize = 20;
+const _: () = assert!(JUDGED < LOOKS);
+
+/// Steps after which the AV brakes if those ahead do at once (m/s^2).
+pub const REACTION: usize = 6;
+const SUDDEN_BRAKING: f64 = 5.0;
+
+/// Room (m) around others, growing with time (m/s) around those who move: ahead and behind, and to the sides.
+const ROOM: f64 = 0.1;
+const ROOM_GROWS: (f64, f64) = (0.1, 0.03);
+/// Who is nearer than this now (m) is given none.
+const NEAR: (f64, f64) = (0.6, 0.3);
+
+/// What is late is known less well, and can still be changed: what is worth of a contact, and of a time to collision that is too short, in 5 s
+/// instead of within the first one.
+const LATE_CONTACT: f64 = 0.5;
+const LATE_CLOSE: f64 = 0.6;
+/// What is worth of a time to collision that is too short for but a moment.
+const BRIEFLY_CLOSE: f64 = 0.4;
+
+/// Factors of a corner beyond the road's edge by nuPlan's tolerance, and by less; of what could not be saved if those ahead braked.
+const OFF_ROAD: f64 = 0.2;
+const OVER_THE_EDGE: f64 = 0.95;
+const UNSAVED: f64 = 0.5;
+
+/// nuPlan's weights of progress, time to collision and comfort.
+const WEIGHTS: (f64, f64, f64) = (5.0, 5.0, 2.0);
+
+/// Who is hit, and when.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    pub look: usize,
+    pub track: TrackId,
+    /// Relative speed (m/s).
+    pub speed: f64,
+}
+
+/// What becomes of a proposal in one future.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Meeting {
+    /// The first contact at fault.
+    pub contact: Option<Hit>,
+    /// Where the time to collision first is too short.
+    pub close: Option<Hit>,
+    /// At how many looks it is.
+    close_looks: usize,
+    last_close: usize,
+}
+
+/// What is found of a proposal.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Verdict {
+    pub meetings: [Meeting; FUTURES],
+    /// Whom it would hit if those ahead braked at once.
+    pub unsaved: Option<TrackId>,
+    /// 1 on the road, less beyond its edge.
+    pub drivable: f64,
+    /// Whether it passes a red light.
+    pub red: bool,
+    /// Along the line (m).
+    pub progress: f64,
+    /// 1 within nuPlan's bounds, less beyond.
+    pub comfort: f64,
+}
+
+impl Verdict {
+    /// Whether nothing is wrong with it in these futures.
+    fn is_clean(&self, futures: usize) -> bool {
+        let nobody = self.meetings[..futures].iter().all(|meeting| meeting.contact.is_none());
+        nobody && self.drivable > OFF_ROAD && !self.red && self.unsaved.is_none()
+    }
+
+    /// Its score in a future, where the best progress is `most` (m).
+    pub fn score(&self, future: usize, most: f64) -> f64 {
+        /// Progress below this (m) is none to compare with.
+        const NO_PROGRESS: f64 = 0.5;
+        let meeting = &self.meetings[future];
+        let progress = if most > NO_PROGRESS { (self.progress / most).clamp(0.0, 1.0) } else { 1.0 };
+        let close = match meeting.close {
+            None => 1.0,
+            Some(hit) => {
+                LATE_CLOSE * lateness(hit) + BRIEFLY_CLOSE * (1.0 - meeting.close_looks as f64 / JUDGED as f64)
+            }
+        };
+        let contact = meeting.contact.map_or(1.0, |hit| LATE_CONTACT * lateness(hit));
+        let factor = contact
+            * self.drivable
+            * if self.red { 0.0 } else { 1.0 }
+            * if self.unsaved.is_some() { UNSAVED } else { 1.0 };
+        let (for_progress, for_time, for_comfort) = WEIGHTS;
+        let weighted = for_progress * progress + for_time * close + for_comfort * self.comfort;
+        // Where all is lost: late and slow is better.
+        let last = meeting.contact.map_or(1.0, |hit| lateness(hit) - hit.speed);
+        factor * weighted / (for_progress + for_time + for_comfort) + 1e-3 * last
+    }
+}
+
+/// 0 within the first second, 1 in 5 s.
+fn lateness(hit: Hit) -> f64 {
+    (((hit.look * LOOK_STEPS) as f64 * STEP_SECONDS - 1.0) / 4.0).clamp(0.0, 1.0)
+}
+
+/// The greatest progress (m) of those with which nothing is wrong.
+pub fn most_progress<'a>(verdicts: impl Iterator<Item = &'a Verdict>, futures: usize) -> f64 {
+    verdicts.filter(|verdict| verdict.is_clean(futures)).map(|verdict| verdict.progress).fold(0.0, f64::max)
+}
+
+/// What nuPlan reads of a step.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Felt {
+    /// Of the speed (m/s^2).
+    pub acceleration: f64,
+    /// (rad/s).
+    pub yaw_rate: f64,
+}
+
+/// All that a trial needs to know.
+pub struct Court<'a> {
+    pub company: &'a Company,
+    pub edges: &'a RoadEdges,
+    pub av: &'a AgentState,
+    /// Height of the ground (m).
+    pub ground: f64,
+    pub wheelbase: f64,
+    /// Stations of red lights (m).
+    pub red: &'a [f64],
+    /// What was driven, the latest last, and whether that is all.
+    pub past: &'a [Felt],
+    pub begins: bool,
+    pub filters: &'a Filters,
+}
+
+impl Court<'_> {
+    /// Judges a proposal.
+    pub fn judge(&self, rollout: &Rollout) -> Verdict {
+        Verdict {
+            meetings: self.meet(rollout),
+            unsaved: None,
+            drivable: self.drivable(rollout),
+            red: self.passes_red(rollout),
+            progress: rollout.places[JUDGED * LOOK_STEPS].station - rollout.places[0].station,
+            comfort: self.comfort(rollout),
+        }
+    }
+
+    /// Whom a proposal that brakes after [`REACTION`] would hit if those ahead braked now.
+    pub fn unsaved(&self, fallback: &Rollout) -> Option<TrackId> {
+        let begun = fallback.places[0].station;
+        let ahead = |other: &&Other| {
+            let now = &self.company.places(other, 0)[0];
+            now.along > 1.0 && now.footprint.stations.1 >= begun
+        };
+        let others = || self.company.others().iter().filter(ahead);
+        (1..=JUDGED).find_map(|look| {
+            let body = self.body(fallback, look);
+            others().find_map(|other| {
+                let now = &self.company.places(other, 0)[0];
+                let reach = body.outline.radius() + other.radius + 2.0 * now.speed;
+                if body.outline.center.distance_squared(now.outline.center) > reach * reach {
+                    return None;
+                }
+                let there = self.company.braking(other, look, SUDDEN_BRAKING);
+                let hits = boxes_overlap(&body.outline, &there.outline);
+                let at_fault = || is_at_fault(classify(&body, self.wheelbase, &agent(other, &there)), true);
+                (hits && at_fault()).then_some(other.track)
+            })
+        })
+    }
+
+    /// The AV at a look.
+    fn body(&self, rollout: &Rollout, look: usize) -> Body {
+        let state = rollout.states[look * LOOK_STEPS];
+        let outline = rollout.outline(look * LOOK_STEPS, self.av);
+        Body {
+            state: AgentState { x: state.x, y: state.y, heading: state.heading, ..*self.av },
+            outline,
+            speed: state.speed,
+        }
+    }
+
+    fn meet(&self, rollout: &Rollout) -> [Meeting; FUTURES] {
+        let mut meetings = [Meeting::default(); FUTURES];
+        let futures = self.company.probabilities().len();
+        for look in 1..=JUDGED {
+            let body = self.body(rollout, look);
+            for other in self.company.others() {
+                for (future, meeting) in meetings[..futures].iter_mut().enumerate() {
+                    let there = &self.company.places(other, future)[look];
+                    // As far as both come within the time to collision that counts.
+                    let reach = body.outline.radius() + other.radius + body.speed + there.speed;
+                    let near = body.outline.center.distance_squared(there.outline.center) <= reach * reach;
+                    if near && meeting.contact.is_none() {
+                        self.meet_one(&body, other, there, look, meeting);
+                    }
+                }
+            }
+        }
+        meetings
+    }
+
+    fn meet_one(&self, body: &Body, other: &Other, there: &Expected, look: usize, meeting: &mut Meeting) {
+        let seconds = (look * LOOK_STEPS) as f64 * STEP_SECONDS;
+        let vague = if there.speed > 0.3 { seconds } else { 0.0 };
+        let (along, across) =
+            if self.is_near(other) { (0.0, 0.0) } else { (ROOM + ROOM_GROWS.0 * vague, ROOM + ROOM_GROWS.1 * vague) };
+        let agent = agent(other, there);
+        let speed = (agent.velocity - body.velocity()).norm();
+        let hit = Hit { look, track: other.track, speed };
+        // Who is hit from the side is not known to be in one lane.
+        if boxes_overlap(&body.outline, &grown(&there.outline, along, across))
+            && is_at_fault(classify(body, self.wheelbase, &agent), false)
+        {
+            meeting.contact = Some(hit);
+        } else if body.speed > STANDING_SPEED
+            && !is_behind(body, self.wheelbase, there.outline.center)
+            && time_to_collision(body, &agent).is_some_and(|time| time < LEAST_TIME_TO_COLLISION)
+        {
+            let counted = meeting.close.is_some() && meeting.last_close == look;
+            meeting.close.get_or_insert(hit);
+            meeting.close_looks += usize::from(!counted);
+            meeting.last_close = look;
+        }
+    }
+
+    /// Whether somebody is so near now that no more room can be asked for.
+    fn is_near(&self, other: &Other) -> bool {
+        let there = &self.company.places(other, 0)[0].outline;
+        boxes_overlap(&self.av.oriented_box(), &grown(there, NEAR.0, NEAR.1))
+    }
+
+    fn drivable(&self, rollout: &Rollout) -> f64 {
+        /// Steps between those that are looked at.
+        const EVERY: usize = 8;
+        /// Over the edge by so much (m) is not worth a word.
+        const HAIR: f64 = 0.1;
+        let beyond = |k: usize| {
+            let body = Body { outline: rollout.outline(k, self.av), ..Body::of(*self.av) };
+            outermost(self.edges.beyond(&body, self.ground)).unwrap_or(f64::NEG_INFINITY)
+        };
+        // What is wrong now is no argument against any.
+        let now = beyond(0).max(0.0);
+        let worst = (1..=JUDGED * LOOK_STEPS / EVERY).map(|k| beyond(k * EVERY)).fold(f64::NEG_INFINITY, f64::max);
+        if worst > (now + 0.02).max(TOLERANCE - 0.05) {
+            OFF_ROAD
+        } else if worst > now + HAIR {
+            OVER_THE_EDGE
+        } else {
+            1.0
+        }
+    }
+
+    fn passes_red(&self, rollout: &Rollout) -> bool {
+        let half = 0.5 * self.av.length;
+        let (from, to) = (rollout.places[0].station + half, rollout.places[PLAN_STEPS].station + half);
+        self.red.iter().any(|stop| from < *stop && *stop <= to)
+    }
+
+    /// As nuPlan's bounds have it.
+    fn comfort(&self, rollout: &Rollout) -> f64 {
+        /// A bound that is not kept costs this factor, and what is beyond the more.
+        const UNCOMFORTABLE: f64 = 0.7;
+        let mut read = [0.0; PAST + AHEAD];
+        let center = rear_axle_to_center(self.wheelbase);
+        let mut count = 0;
+        let mut before = None;
+        let mut sharpest: f64 = 0.0;
+        let mut feel = |felt: Felt| {
+            let yaw = before.map_or(0.0, |before| (felt.yaw_rate - before) / STEP_SECONDS);
+            before = Some(felt.yaw_rate);
+            read[count] = felt.acceleration + center * (felt.yaw_rate * felt.yaw_rate + yaw);
+            count += 1;
+            yaw
+        };
+        for felt in self.past {
+            feel(*felt);
+        }
+        for k in 0..AHEAD {
+            let Control { steering, .. } = rollout.controls[k];
+            let (now, next) = (rollout.states[k], rollout.states[k + 1]);
+            let yaw_rate = next.speed * libm::tan(steering) / self.wheelbase;
+            let acceleration = (next.speed - now.speed) / STEP_SECONDS;
+            let yaw = feel(Felt { acceleration, yaw_rate });
+            sharpest = sharpest.max(yaw.abs());
+        }
+        let (past, begins) = (self.past.len(), self.begins);
+        let jerk = self.filters.jerk.extremes(&read[..count], past, begins);
+        let (least, most) = self.filters.smooth.extremes(&read[..count], past, begins);
+        let jerk = jerk.1.max(-jerk.0);
+        let over = |value: f64, bound: f64, scale: f64| ((value - bound) / scale).max(0.0);
+        let excess = over(jerk, 3.9, 4.0) + over(-least, 3.9, 2.0) + over(most, 2.25, 1.0) + over(sharpest, 1.8, 1.0);
+        (1.0 - excess).max(0.0) * if excess > 0.0 { UNCOMFORTABLE } else { 1.0 }
+    }
+}
+
+/// Somebody as the judges see them.
+fn agent(other: &Other, there: &Expected) -> TrafficAgent {
+    TrafficAgent {
+        track: 0,
+        kind: other.kind,
+        outline: there.outline,
+        z: other.z,
+        velocity: there.outline.forward * there.speed,
+        speed: there.speed,
+        sudden: false,
+    }
+}
+
+/// A box with so much more room (m) before and behind, and to either side.
+fn grown(outline: &OrientedBox, along: f64, across: f64) -> OrientedBox {
+    OrientedBox { half_length: outline.half_length + along, half_width: outline.half_width + across, ..*outline }
+}
+
+/// Steps driven that are felt still, and steps of a plan that count.
+pub const PAST: usize = 24;
+const AHEAD: usize = 34;
+
+/// The filters of nuPlan's comfort bounds.
+#[derive(Clone, Debug)]
+pub struct Filters {
+    smooth: Filter,
+    jerk: Filter,
+}
+
+impl Default for Filters {
+    fn default() -> Self {
+        const SMOOTH: SavitzkyGolay = SavitzkyGolay { window: 8, degree: 2, derivative: 0 };
+        const JERK: SavitzkyGolay = SavitzkyGolay { window: 15, degree: 2, derivative: 1 };
+        Self { smooth: Filter::of(&[SMOOTH]), jerk: Filter::of(&[SMOOTH, JERK]) }
+    }
+}
