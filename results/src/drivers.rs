@@ -50,7 +50,7 @@ pub struct Driver {
 }
 
 /// Who drives where nobody else is asked for.
-pub const DEFAULT: &str = "proposals";
+pub const DEFAULT: &str = "dipp";
 
 /// All of them.
 pub const DRIVERS: &[Driver] = &[
@@ -180,7 +180,7 @@ mod tests {
 
     #[test]
     fn who_drives_by_default_is_a_driver_that_needs_no_file() {
-        assert!(find(DEFAULT).unwrap().weights.is_none_or(|weights| weights == weights::BUILT_IN));
+        assert_eq!(find(DEFAULT).unwrap().weights, Some(weights::BUILT_IN));
     }
 
     #[test]

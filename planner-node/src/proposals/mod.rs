@@ -25,6 +25,7 @@ mod ride;
 mod rollout;
 mod trial;
 
+use episode::judges::lanes::{Against, Lanes};
 use episode::judges::level::Level;
 use episode::judges::road::RoadEdges;
 use wire::node::{Planner, PlannerFactory, StepInput};
@@ -109,6 +110,8 @@ pub(crate) struct Drive {
     corridor: Corridor,
     desired: DesiredSpeed,
     edges: RoadEdges,
+    lanes: Lanes,
+    against: Against,
     filters: Filters,
     company: Company,
     pub(crate) candidates: Vec<Candidate>,
@@ -127,13 +130,16 @@ impl Drive {
         let line = &briefing.reference_line;
         let every_metre = (0..line.len()).step_by(10);
         let points: Vec<Point3> = every_metre.map(|at| Point3::new(line.x[at], line.y[at], line.z[at])).collect();
+        let level = Level::along(&points, OFF_ROUTE);
         // The last plan, and those of the futures.
         let most = POLICIES.len() + 1 + FUTURES + usize::from(options.refine);
         Self {
             options,
             corridor: Corridor::new(line),
             desired: DesiredSpeed::default(),
-            edges: RoadEdges::of(&briefing.map, &Level::along(&points, OFF_ROUTE)),
+            edges: RoadEdges::of(&briefing.map, &level),
+            lanes: Lanes::of(&briefing.map, &level),
+            against: Against::default(),
             filters: Filters::default(),
             company: Company::default(),
             candidates: Vec::with_capacity(most),
@@ -179,6 +185,7 @@ impl Drive {
         let court = Court {
             company: &self.company,
             edges: &self.edges,
+            lanes: &self.lanes,
             av,
             ground: self.corridor.height(own),
             wheelbase: briefing.wheelbase,
@@ -188,7 +195,8 @@ impl Drive {
             filters: &self.filters,
         };
         let branches = self.options.contingency == Contingency::Branches && self.company.probabilities().len() > 1;
-        let mut trial = Trial { road: &road, court: &court, scratch: &mut self.scratch, branches };
+        let mut trial =
+            Trial { road: &road, court: &court, scratch: &mut self.scratch, against: &mut self.against, branches };
         self.candidates.resize_with(POLICIES.len(), Candidate::default);
         for (candidate, policy) in self.candidates.iter_mut().zip(POLICIES) {
             candidate.name = policy.name;
@@ -245,19 +253,20 @@ struct Trial<'a> {
     road: &'a Road<'a>,
     court: &'a Court<'a>,
     scratch: &'a mut Rollout,
+    against: &'a mut Against,
     branches: bool,
 }
 
 impl Trial<'_> {
     fn judge(&mut self, candidate: &mut Candidate) {
-        candidate.verdict = self.court.judge(&candidate.rollout);
+        candidate.verdict = self.court.judge(&candidate.rollout, self.against);
         self.scratch.clone_from(&candidate.rollout);
         self.scratch.drive(self.road, &FALLBACK, REACTION);
         candidate.verdict.unsaved = self.court.unsaved(self.scratch);
         candidate.after = self.branches.then(|| {
             self.scratch.clone_from(&candidate.rollout);
             self.scratch.drive(self.road, &SECOND_THOUGHTS, TRUNK);
-            Verdict { unsaved: candidate.verdict.unsaved, ..self.court.judge(self.scratch) }
+            Verdict { unsaved: candidate.verdict.unsaved, ..self.court.judge(self.scratch, self.against) }
         });
     }
 }

@@ -3,11 +3,12 @@
 
 use episode::judges::Body;
 use episode::judges::collision::{classify, is_at_fault, is_behind};
+use episode::judges::lanes::{Against, Lanes};
 use episode::judges::rear_axle_to_center;
 use episode::judges::road::{RoadEdges, TOLERANCE, outermost};
 use episode::judges::time_to_collision::{LEAST_TIME_TO_COLLISION, STANDING_SPEED, TrafficAgent, time_to_collision};
 use episode::metrics::savitzky_golay::SavitzkyGolay;
-use world::geometry::{OrientedBox, boxes_overlap};
+use world::geometry::{OrientedBox, Point, boxes_overlap};
 use world::plan::{Control, PLAN_STEPS, STEP_SECONDS};
 use world::scene::{AgentState, TrackId};
 
@@ -40,6 +41,9 @@ const BRIEFLY_CLOSE: f64 = 0.4;
 const OFF_ROAD: f64 = 0.2;
 const OVER_THE_EDGE: f64 = 0.95;
 const UNSAVED: f64 = 0.5;
+/// ... and of a lane of oncoming traffic; what a metre farther beside the line costs.
+const ONCOMING: f64 = 0.8;
+const ASIDE: f64 = 0.005;
 
 /// nuPlan's weights of progress, time to collision and comfort.
 const WEIGHTS: (f64, f64, f64) = (5.0, 5.0, 2.0);
@@ -73,6 +77,10 @@ pub struct Verdict {
     pub unsaved: Option<TrackId>,
     /// 1 on the road, less beyond its edge.
     pub drivable: f64,
+    /// Whether it comes into a lane that is for others.
+    pub oncoming: bool,
+    /// How much farther beside the line it ends (m).
+    pub aside: f64,
     /// Whether it passes a red light.
     pub red: bool,
     /// Along the line (m).
@@ -104,6 +112,8 @@ impl Verdict {
         let factor = contact
             * self.drivable
             * if self.red { 0.0 } else { 1.0 }
+            * if self.oncoming { ONCOMING } else { 1.0 }
+            * (1.0 - ASIDE * self.aside)
             * if self.unsaved.is_some() { UNSAVED } else { 1.0 };
         let (for_progress, for_time, for_comfort) = WEIGHTS;
         let weighted = for_progress * progress + for_time * close + for_comfort * self.comfort;
@@ -136,6 +146,7 @@ pub struct Felt {
 pub struct Court<'a> {
     pub company: &'a Company,
     pub edges: &'a RoadEdges,
+    pub lanes: &'a Lanes,
     pub av: &'a AgentState,
     /// Height of the ground (m).
     pub ground: f64,
@@ -150,11 +161,13 @@ pub struct Court<'a> {
 
 impl Court<'_> {
     /// Judges a proposal.
-    pub fn judge(&self, rollout: &Rollout) -> Verdict {
+    pub fn judge(&self, rollout: &Rollout, against: &mut Against) -> Verdict {
         Verdict {
             meetings: self.meet(rollout),
             unsaved: None,
             drivable: self.drivable(rollout),
+            oncoming: self.oncoming(rollout, against),
+            aside: self.aside(rollout),
             red: self.passes_red(rollout),
             progress: rollout.places[JUDGED * LOOK_STEPS].station - rollout.places[0].station,
             comfort: self.comfort(rollout),
@@ -265,6 +278,25 @@ impl Court<'_> {
         } else {
             1.0
         }
+    }
+
+    /// Whether it comes into oncoming traffic's lane, where it is not now.
+    fn oncoming(&self, rollout: &Rollout, against: &mut Against) -> bool {
+        /// Steps between those that are looked at.
+        const EVERY: usize = 8;
+        /// Nearer to the line than this (m) nobody is in another lane.
+        const OWN: f64 = 0.7;
+        let mut is_at = |k: usize| {
+            let (state, place) = (rollout.states[k], rollout.places[k]);
+            place.lateral.abs() > OWN
+                && against.is_oncoming(self.lanes, state.pose().position(), self.ground, Point::unit(state.heading))
+        };
+        (1..=JUDGED * LOOK_STEPS / EVERY).any(|k| is_at(k * EVERY)) && !is_at(0)
+    }
+
+    fn aside(&self, rollout: &Rollout) -> f64 {
+        let beside = |k: usize| rollout.places[k].lateral.abs();
+        (beside(JUDGED * LOOK_STEPS) - beside(0)).max(0.0)
     }
 
     fn passes_red(&self, rollout: &Rollout) -> bool {

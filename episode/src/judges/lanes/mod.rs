@@ -22,10 +22,23 @@ use world::geometry::Point;
 
 use self::corners::{Corners, in_one_lane};
 use self::driven::DrivenLanes;
+use self::held::Held;
 use super::Body;
 
 pub use self::driven::Driven;
 pub use self::strip::{Lanes, Strip};
+
+/// Tells who drives against the traffic. What it needs is kept from place to place.
+#[derive(Clone, Debug, Default)]
+pub struct Against(Held);
+
+impl Against {
+    /// Whether every lane that holds `place`, on ground at the height `ground` (m), points away from `forward`, and one does.
+    pub fn is_oncoming(&mut self, lanes: &Lanes, place: Point, ground: f64, forward: Point) -> bool {
+        lanes.hold(&mut self.0, place, ground, forward);
+        !self.0.lanes.is_empty() && self.0.lanes.iter().all(|(_, place)| place.alignment < 0.0)
+    }
+}
 
 /// Metres driven against a lane within a second from which on the AV drives the wrong way (nuPlan's compliance threshold).
 pub const WRONG_WAY: f64 = 2.0;
