@@ -77,3 +77,144 @@ fn poses(now: &AgentState, before: &AgentState, seconds: f64) -> Vec<Pose> {
     };
     (0..PLAN_STEPS).map(step).collect()
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use std::sync::Arc;
+
+    use wire::node::History;
+    use world::observation::{HistoryStep, Observation};
+    use world::plan::Control;
+    use world::reference_line::ReferenceWindow;
+    use world::scene::{AgentKind, SceneId, TrackId};
+
+    use super::*;
+
+    fn agent(x: f64, y: f64, heading: f64, speed: f64) -> AgentState {
+        let velocity = Point::unit(heading) * speed;
+        AgentState { x, y, heading, velocity_x: velocity.x, velocity_y: velocity.y, ..AgentState::default() }
+    }
+
+    /// Ways from pose to pose (m).
+    fn ways(poses: &[Pose]) -> Vec<f64> {
+        poses.windows(2).map(|pair| pair[0].position().distance(pair[1].position())).collect()
+    }
+
+    #[test]
+    fn without_a_turn_it_goes_straight_on() {
+        let state = agent(1.0, 2.0, 0.0, 10.0);
+        let poses = poses(&state, &state, 0.5);
+        assert!((poses[0].x - 2.0).abs() < 1e-12 && (poses[49].x - 51.0).abs() < 1e-9);
+        assert!(poses.iter().all(|pose| pose.y == 2.0 && pose.heading == 0.0));
+    }
+
+    #[test]
+    fn who_brakes_stops_and_does_not_go_back() {
+        let poses = poses(&agent(0.0, 0.0, 0.0, 1.5), &agent(-1.0, 0.0, 0.0, 4.0), 0.5);
+        assert!(poses.windows(2).all(|pair| pair[1].x >= pair[0].x));
+        // From 1.5 m/s by 5 m/s^2 that fades.
+        assert!(poses[49].x > 0.2 && poses[49].x < 0.4, "{}", poses[49].x);
+        assert_eq!(ways(&poses)[48], 0.0);
+    }
+
+    #[test]
+    fn who_speeds_up_soon_drives_evenly() {
+        // By 2 m/s^2 now: that is 1 m/s more in the end.
+        let poses = poses(&agent(0.0, 0.0, 0.0, 8.0), &agent(-4.0, 0.0, 0.0, 7.0), 0.5);
+        let ways = ways(&poses);
+        assert!(ways.windows(2).all(|pair| pair[1] >= pair[0] - 1e-12));
+        assert!((ways[48] / STEP_SECONDS - 9.1).abs() < 0.1, "{}", ways[48]);
+    }
+
+    #[test]
+    fn a_turn_fades() {
+        for turn in [0.3, -0.3] {
+            let poses = poses(&agent(0.0, 0.0, 3.0, 8.0), &agent(0.0, 0.0, 3.0 - 0.5 * turn, 8.0), 0.5);
+            let turns = poses.windows(2).map(|pair| angle_difference(pair[0].heading, pair[1].heading) / turn);
+            let turns: Vec<f64> = turns.collect();
+            assert!(turns.windows(2).all(|pair| pair[1] < pair[0] && pair[1] > 0.0), "{turns:?}");
+            assert!(turns[48] < 0.01 * turns[0]);
+            // All of it is what it turns in one second.
+            let all = angle_difference(3.0, poses[49].heading) / turn;
+            assert!((all - 1.0).abs() < 0.06, "{all}");
+        }
+    }
+
+    #[test]
+    fn a_turn_or_a_brake_beyond_all_measure_is_cut() {
+        let poses = poses(&agent(0.0, 0.0, 0.0, 20.0), &agent(0.0, 0.0, -3.0, 90.0), 0.1);
+        assert!((poses[0].heading - LARGEST_TURN_RATE * STEP_SECONDS).abs() < 1e-12);
+        assert!((poses[0].position().norm() - 1.975).abs() < 1e-9, "{:?}", poses[0]);
+    }
+
+    #[test]
+    fn who_stands_does_not_turn() {
+        let poses = poses(&agent(3.0, 4.0, 1.0, 0.2), &agent(3.0, 4.0, 0.5, 0.2), 0.5);
+        assert!(poses.iter().all(|pose| (pose.heading - 1.0).abs() < 1e-12));
+        assert!(poses[49].position().distance(Point::new(3.0, 4.0)) < 1.1);
+    }
+
+    /// What is expected of someone who was seen at these log indices, the last is now.
+    fn predict(seen: &[(u32, AgentState)]) -> Vec<Pose> {
+        let observed =
+            |state: AgentState| ObservedAgent { track: TrackId(5), kind: AgentKind::Vehicle, state, unseen: 0 };
+        let (now, state) = seen[seen.len() - 1];
+        let history = seen.iter().map(|(log_index, state)| HistoryStep {
+            log_index: *log_index,
+            av: AgentState::default(),
+            agents: vec![observed(*state)],
+        });
+        let briefing = Briefing {
+            scene: SceneId::new("seen").unwrap(),
+            protocol: "strict".to_owned(),
+            start: 0,
+            horizon: 150,
+            wheelbase: 3.089,
+            map: Arc::default(),
+            route: vec![],
+            reference_line: Arc::default(),
+            history: history.collect(),
+        };
+        let observation = Observation {
+            step: 0,
+            log_index: now,
+            av: AgentState::default(),
+            control: Control::default(),
+            agents: vec![observed(state)],
+            signals: vec![],
+            window: ReferenceWindow {
+                line: Arc::default(),
+                start: 0,
+                samples: 0,
+                first_sample: 0,
+                red_stops: vec![],
+                speed_limit: None,
+            },
+        };
+        let mut history = History::new(&briefing);
+        history.push(&observation);
+        let step = StepInput { briefing: &briefing, observation: &observation, history: &history, prediction: None };
+        let mut predictor = Ctra.start(&briefing).unwrap();
+        let prediction = predictor.predict(&step).unwrap().check(0).unwrap();
+        prediction.futures()[0].trajectories[0].poses.clone()
+    }
+
+    #[test]
+    fn who_is_seen_for_the_first_time_keeps_its_velocity() {
+        for now in [0, 2, 19] {
+            let poses = predict(&[(now, agent(0.0, 0.0, 0.5, 6.0))]);
+            let straight = Point::unit(0.5) * 30.0;
+            assert!(poses[49].position().distance(straight) < 1e-9, "{:?}", poses[49]);
+        }
+    }
+
+    #[test]
+    fn motion_is_measured_as_far_back_as_half_a_second() {
+        let now = agent(0.0, 0.0, 0.0, 6.0);
+        let long = predict(&[(10, agent(0.0, 0.0, 0.0, 5.0)), (13, agent(0.0, 0.0, 0.0, 9.0)), (15, now)]);
+        assert_eq!(long, poses(&now, &agent(0.0, 0.0, 0.0, 5.0), 0.5));
+        let short = predict(&[(9, agent(0.0, 0.0, 0.0, 5.0)), (13, agent(0.0, 0.0, 0.0, 6.4)), (15, now)]);
+        assert_eq!(short, poses(&now, &agent(0.0, 0.0, 0.0, 6.4), 0.2));
+    }
+}

@@ -88,7 +88,7 @@ impl Road {
         self
     }
 
-    fn step<T>(&self, with: impl FnOnce(&StepInput<'_>) -> T) -> T {
+    pub fn step<T>(&self, with: impl FnOnce(&StepInput<'_>) -> T) -> T {
         let mut history = History::new(&self.briefing);
         history.push(&self.observation);
         let prediction: Prediction = self.prediction.clone().check(0).unwrap();

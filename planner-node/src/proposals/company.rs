@@ -208,3 +208,140 @@ impl Company {
 fn of(future: &Future, track: TrackId) -> Option<&PredictedTrajectory> {
     future.trajectories.iter().find(|trajectory| trajectory.track == track)
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use world::observation::ObservedAgent;
+    use world::plan::{Future, UncheckedPrediction};
+
+    use super::*;
+    use crate::gauss_newton_planner::tests::Road;
+
+    /// Someone ahead who drives at this speed (m/s), and is expected on such a way: what is driven and turned in each step (m, rad).
+    fn road(speed: f64, futures: &[(f64, Vec<(f64, f64)>)]) -> Road {
+        let mut road = Road::new(0.5, 5.0, "strict").with_standing_car(20.0);
+        let agent = &mut road.observation.agents[0];
+        let velocity = Point::unit(agent.state.heading) * speed;
+        (agent.state.velocity_x, agent.state.velocity_y) = (velocity.x, velocity.y);
+        let track = agent.track;
+        let future = |(probability, way): &(f64, Vec<(f64, f64)>)| {
+            let mut pose = agent.state.pose();
+            let poses = way.iter().map(|(length, turn)| {
+                let place = pose.position() + Point::unit(pose.heading) * *length;
+                pose = Pose::new(place.x, place.y, pose.heading + turn);
+                pose
+            });
+            let trajectories = vec![PredictedTrajectory { track, poses: poses.collect() }];
+            Future { probability: *probability, trajectories, controls: vec![] }
+        };
+        let futures = futures.iter().map(future).collect();
+        road.prediction = UncheckedPrediction { futures, ..UncheckedPrediction::default() };
+        road
+    }
+
+    fn company(road: &Road, most: usize) -> Company {
+        let mut corridor = Corridor::new(&road.briefing.reference_line);
+        assert_eq!(corridor.move_to(&road.observation.window), Some(()));
+        let mut company = Company::default();
+        let own = corridor.own(road.observation.av.position());
+        road.step(|step| company.fill(&corridor, own, step.observation, step.prediction, most));
+        company
+    }
+
+    fn straight(length: f64) -> Vec<(f64, f64)> {
+        vec![(length, 0.0); PLAN_STEPS]
+    }
+
+    proptest! {
+        #[test]
+        fn who_brakes_stands_in_the_end_and_never_leaves_the_way(
+            speed in 0.4_f64..15.0,
+            way in prop::collection::vec((0.0..1.5, -0.1..0.1), PLAN_STEPS),
+        ) {
+            let road = road(speed, &[(1.0, way)]);
+            let company = company(&road, 1);
+            let other = company.others()[0];
+            let places = company.places(&other, 0);
+            let lengths = |places: &[Expected]| -> f64 {
+                places.windows(2).map(|pair| pair[0].outline.center.distance(pair[1].outline.center)).sum()
+            };
+            let start = places[0].outline.center;
+            let mut before = start;
+            for look in 0..LOOKS {
+                let there = company.braking(&other, look, 5.0);
+                let seconds = (look * LOOK_STEPS) as f64 * STEP_SECONDS;
+                let driven = 0.5 * speed * speed / 5.0;
+                prop_assert!(there.outline.center.distance(start) <= lengths(&places[..=look]).min(driven) + 1e-9);
+                prop_assert!((there.speed - (speed - 5.0 * seconds).max(0.0)).abs() < 1e-9);
+                if there.speed == 0.0 && look > 1 {
+                    // Where it stands it stays, as far as the way went then.
+                    let further = there.outline.center.distance(before);
+                    prop_assert!(further <= lengths(&places[look - 1..=look]) + 1e-9);
+                }
+                before = there.outline.center;
+            }
+            prop_assert_eq!(company.braking(&other, LOOKS - 1, 5.0).speed, 0.0);
+        }
+    }
+
+    #[test]
+    fn who_brakes_on_a_way_that_is_long_enough_comes_as_far_as_braking_takes() {
+        let road = road(10.0, &[(1.0, straight(1.0))]);
+        let company = company(&road, 1);
+        let other = company.others()[0];
+        let start = company.places(&other, 0)[0].outline.center;
+        let way = |look: usize| company.braking(&other, look, 5.0).outline.center.distance(start);
+        // After 1 s, after 2 s, and for ever.
+        for (look, expected) in [(0, 0.0), (5, 7.5), (10, 10.0), (25, 10.0)] {
+            assert!((way(look) - expected).abs() < 1e-9, "{look}: {}", way(look));
+        }
+    }
+
+    #[test]
+    fn only_the_likeliest_futures_are_looked_at_and_their_probabilities_sum_to_one() {
+        let futures = [(0.1, straight(0.1)), (0.4, straight(0.4)), (0.2, straight(0.2)), (0.3, straight(0.3))];
+        let road = road(4.0, &futures);
+        for most in 1..=4 {
+            let company = company(&road, most);
+            assert_eq!(company.probabilities().len(), most.min(FUTURES));
+            assert!((company.probabilities().iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            let other = company.others()[0];
+            for (future, speed) in [4.0, 3.0, 2.0].into_iter().enumerate().take(most) {
+                assert!((company.places(&other, future)[LOOKS - 1].speed - speed).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn who_stands_stands_in_every_future() {
+        let road = road(0.2, &[(0.6, straight(0.5)), (0.4, straight(1.0))]);
+        let company = company(&road, 3);
+        let other = company.others()[0];
+        for future in 0..2 {
+            let places = company.places(&other, future);
+            assert!(places.iter().all(|there| there.speed == 0.0 && there.outline == places[0].outline));
+        }
+    }
+
+    #[test]
+    fn of_whom_nothing_is_told_keeps_its_velocity() {
+        let mut road = road(6.0, &[(1.0, straight(0.1))]);
+        road.prediction = UncheckedPrediction::default();
+        let company = company(&road, 3);
+        let places = company.places(&company.others()[0], 0);
+        assert!((places[LOOKS - 1].outline.center.distance(places[0].outline.center) - 30.0).abs() < 1e-9);
+        assert_eq!(company.probabilities(), [1.0]);
+    }
+
+    #[test]
+    fn who_is_on_another_level_or_far_from_the_line_is_no_company() {
+        let seen = |z: f64, left: f64| {
+            let mut road = Road::new(0.0, 5.0, "strict").with_standing_car(20.0);
+            let ObservedAgent { state, .. } = &mut road.observation.agents[0];
+            (state.z, state.y) = (z, state.y + left);
+            company(&road, 1).others().len()
+        };
+        assert_eq!([seen(0.0, 0.0), seen(5.0, 0.0), seen(0.0, 13.0), seen(0.0, -11.0)], [1, 0, 0, 1]);
+    }
+}

@@ -23,6 +23,9 @@ mod policy;
 mod refine;
 mod ride;
 mod rollout;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests;
 mod trial;
 
 use episode::judges::lanes::{Against, Lanes};

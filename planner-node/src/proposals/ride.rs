@@ -69,3 +69,63 @@ impl Filter {
         (least, greatest)
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const SMOOTH: SavitzkyGolay = SavitzkyGolay { window: 8, degree: 2, derivative: 0 };
+    const JERK: SavitzkyGolay = SavitzkyGolay { window: 15, degree: 2, derivative: 1 };
+
+    /// The extremes of the whole filtered signal, between these samples.
+    fn whole(chain: &[SavitzkyGolay], signal: &[f64], samples: std::ops::Range<usize>) -> (f64, f64) {
+        let apply = |signal: Vec<f64>, filter: &SavitzkyGolay| filter.apply(&signal, STEP_SECONDS).unwrap();
+        let filtered = chain.iter().fold(signal.to_vec(), apply);
+        let samples = filtered[samples].iter();
+        samples.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(*value), b.max(*value)))
+    }
+
+    fn agree(a: (f64, f64), b: (f64, f64)) -> bool {
+        (a.0 - b.0).abs() < 1e-9 && (a.1 - b.1).abs() < 1e-9
+    }
+
+    proptest! {
+        #[test]
+        fn it_is_the_filter_of_the_whole_signal(signal in prop::collection::vec(-5.0..5.0, 50..100), share in 0.0..1.0) {
+            // Samples before the cut are forgotten; `before` and `after` say how far a filter looks.
+            let cut = (20.0 * share) as usize;
+            for (chain, before, after) in [(&[SMOOTH][..], 3, 4), (&[SMOOTH, JERK][..], 10, 11)] {
+                let filter = Filter::of(chain);
+                let end = signal.len() - after;
+                prop_assert!(agree(filter.extremes(&signal, 0, true), whole(chain, &signal, 0..end)));
+                // Those that know a sample from here on.
+                let from = (share * end as f64) as usize;
+                prop_assert!(agree(filter.extremes(&signal, from, true), whole(chain, &signal, known(before, after, from)..end)));
+                // Where a signal begins, an even window is read beside its middle.
+                let first = (from.max(cut) - cut).saturating_sub(after).max(before) + cut;
+                if first > before + 1 {
+                    let told = filter.extremes(&signal[cut..], from.max(cut) - cut, false);
+                    prop_assert!(agree(told, whole(chain, &signal, first..end)));
+                }
+            }
+        }
+    }
+
+    /// The first sample whose filter knows one from `from` on.
+    fn known(before: usize, after: usize, from: usize) -> usize {
+        let first = from.saturating_sub(after);
+        // The first samples share the first window.
+        if first <= before { 0 } else { first }
+    }
+
+    #[test]
+    fn a_signal_that_is_too_short_tells_nothing() {
+        let filter = Filter::of(&[SMOOTH, JERK]);
+        for length in 0..19 {
+            assert_eq!(filter.extremes(&vec![1.0; length], 0, true), (f64::INFINITY, f64::NEG_INFINITY), "{length}");
+        }
+    }
+}

@@ -378,3 +378,74 @@ impl Default for Filters {
         Self { smooth: Filter::of(&[SMOOTH]), jerk: Filter::of(&[SMOOTH, JERK]) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CLEAN: Verdict = Verdict {
+        meetings: [Meeting { contact: None, close: None, close_looks: 0, last_close: 0 }; FUTURES],
+        unsaved: None,
+        drivable: 1.0,
+        red: false,
+        progress: 20.0,
+        comfort: 1.0,
+    };
+
+    fn hit(look: usize, speed: f64) -> Option<Hit> {
+        Some(Hit { look, track: TrackId(1), speed })
+    }
+
+    fn contact(contact: Option<Hit>) -> f64 {
+        let mut verdict = CLEAN;
+        verdict.meetings[0].contact = contact;
+        verdict.score(0, 20.0)
+    }
+
+    #[test]
+    fn with_nothing_wrong_and_the_most_progress_all_is_won() {
+        assert!((CLEAN.score(0, 20.0) - 1.001).abs() < 1e-12);
+        assert!((CLEAN.score(0, 0.0) - 1.001).abs() < 1e-12);
+        // Half of the progress is half of 5 of 12.
+        assert!((CLEAN.score(0, 40.0) - (1.001 - 2.5 / 12.0)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_contact_is_worse_the_sooner_and_the_faster_it_is() {
+        let worth = [None, hit(20, 1.0), hit(10, 1.0), hit(2, 1.0), hit(2, 8.0)].map(contact);
+        assert!(worth.windows(2).all(|pair| pair[0] > pair[1]), "{worth:?}");
+        assert!(worth[3].abs() < 0.01);
+    }
+
+    #[test]
+    fn who_comes_too_near_loses_less_late_and_briefly() {
+        let worth = [(20, 1), (5, 1), (5, 10), (5, 20)].map(|(look, close_looks)| {
+            let mut verdict = CLEAN;
+            verdict.meetings[0] = Meeting { close: hit(look, 3.0), close_looks, ..Meeting::default() };
+            verdict.score(0, 20.0)
+        });
+        assert!(worth.windows(2).all(|pair| pair[0] > pair[1]), "{worth:?}");
+        assert!(worth[3] > 0.5);
+    }
+
+    #[test]
+    fn a_red_light_passed_is_worth_nothing() {
+        assert!(Verdict { red: true, ..CLEAN }.score(0, 20.0) < 0.01);
+    }
+
+    #[test]
+    fn progress_with_which_something_is_wrong_is_no_measure() {
+        let mut touches = Verdict { progress: 60.0, ..CLEAN };
+        touches.meetings[1].contact = hit(8, 2.0);
+        let all = [
+            CLEAN,
+            touches,
+            Verdict { progress: 50.0, red: true, ..CLEAN },
+            Verdict { progress: 50.0, unsaved: Some(TrackId(2)), ..CLEAN },
+            Verdict { progress: 50.0, drivable: OFF_ROAD, ..CLEAN },
+        ];
+        assert_eq!(most_progress(all.iter(), 2), 20.0);
+        assert_eq!(most_progress(all.iter(), 1), 60.0, "the second future is not looked at");
+        assert_eq!(most_progress(all[1..].iter(), 2), 0.0);
+    }
+}
