@@ -7,6 +7,7 @@
 //! | `human` | `human.rs` | what the logged AV did; reads the scene set by itself |
 //! | `constant-velocity` | `constant_velocity.rs` | straight on |
 //! | `network` | `network.rs` | what the prediction network would do itself |
+//! | `proposals` | `proposals/` | the best of many ways, each tried among the predicted futures |
 //! | `gauss-newton` | `gauss_newton_planner/` | the differentiable planner; its mathematics is [`gauss_newton`] |
 //!
 //! [`explain`] tells why a recorded plan is what it is; [`verify`] holds the mathematics to numbers of other implementations.

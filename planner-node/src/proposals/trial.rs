@@ -386,6 +386,8 @@ mod tests {
     const CLEAN: Verdict = Verdict {
         meetings: [Meeting { contact: None, close: None, close_looks: 0, last_close: 0 }; FUTURES],
         unsaved: None,
+        oncoming: false,
+        aside: 0.0,
         drivable: 1.0,
         red: false,
         progress: 20.0,

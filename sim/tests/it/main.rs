@@ -78,9 +78,10 @@ fn help_says_what_can_be_typed() {
           --scenarios <PATH>...          Scenes, as PATH is; takes all that follows up to the next
                                          option
           --driver <NAME>                Who drives [default: dipp] [possible values: idm, human,
-                                         constant-velocity, gn-ctrv, gn-oracle, dipp, sep, il-pred, il]
+                                         constant-velocity, gn-ctrv, gn-oracle, proposals, contingency,
+                                         dipp, sep, il-pred, il]
           --predictor <NAME>             Where predictions come from [default: what the driver wants]
-                                         [possible values: none, ctrv, oracle, network]
+                                         [possible values: none, ctrv, ctra, oracle, network]
           --predictor-command <COMMAND>  A predictor of your own: a shell command, as --planner-command
           --weights <FILE>               Weights of the prediction network, a .safetensors file
                                          [default: those of dipp, built in; sep, il-pred and il have
@@ -158,7 +159,7 @@ fn help_says_what_can_be_typed() {
           --planner-command <COMMAND>  A planner of your own, as for `sim run`, a line more
           --label <NAME>               What the table calls your own planner [default: command]
           --predictor <NAME>           Where predictions come from [default: what each driver wants]
-                                       [possible values: none, ctrv, oracle, network]
+                                       [possible values: none, ctrv, ctra, oracle, network]
           --features <STYLE>           How the network's features are made, as for `sim run` [possible
                                        values: authors, mended]
           --definitions <DEFINITIONS>  By whose definitions plans are judged, and under whose protocol
