@@ -263,7 +263,7 @@ fn what_makes_no_sense_is_refused_with_code_2_and_a_hint() {
     --- stdout
     --- stderr
     error: invalid value 'nobody' for '--driver <NAME>'
-      [possible values: idm, human, constant-velocity, gn-ctrv, gn-oracle, dipp, sep, il-pred, il]
+      [possible values: idm, human, constant-velocity, gn-ctrv, gn-oracle, proposals, contingency, dipp, sep, il-pred, il]
 
     For more information, try '--help'.
     ");
