@@ -7,7 +7,7 @@ use wire::node::{Predictor, PredictorFactory, StepInput};
 use world::authors_frame;
 use world::geometry::{Point, Pose, angle_difference, wrap_angle};
 use world::observation::{Briefing, ObservedAgent};
-use world::plan::{Future, PLAN_STEPS, PredictedTrajectory, STEP_SECONDS, UncheckedPrediction};
+use world::plan::{PLAN_STEPS, PredictedTrajectory, STEP_SECONDS, UncheckedPrediction};
 use world::scene::AgentState;
 
 /// Turn rates are clipped to this magnitude (rad/s).
@@ -52,12 +52,7 @@ impl Predictor for TurnRate {
             PredictedTrajectory { track: agent.track, poses }
         };
         let trajectories: Vec<PredictedTrajectory> = observation.agents.iter().map(trajectory).collect();
-        let futures = if trajectories.is_empty() {
-            vec![]
-        } else {
-            vec![Future { probability: 1.0, trajectories, controls: vec![] }]
-        };
-        Ok(UncheckedPrediction { step: observation.step, futures, ..Default::default() })
+        Ok(UncheckedPrediction::certain(observation.step, trajectories))
     }
 }
 

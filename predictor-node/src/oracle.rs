@@ -6,7 +6,7 @@ use scenarios::Logs;
 use wire::node::{Predictor, PredictorFactory, StepInput};
 use world::geometry::Pose;
 use world::observation::{Briefing, ObservedAgent};
-use world::plan::{Future, PLAN_STEPS, PredictedTrajectory, UncheckedPrediction};
+use world::plan::{PLAN_STEPS, PredictedTrajectory, UncheckedPrediction};
 use world::scene::Scene;
 use world::scene::bridged::Bridged;
 
@@ -30,12 +30,7 @@ impl Predictor for Log {
         let trajectories: Result<Vec<_>, String> =
             step.observation.agents.iter().map(|agent| logged(&self.0, agent, now)).collect();
         let trajectories = trajectories?;
-        let futures = if trajectories.is_empty() {
-            vec![]
-        } else {
-            vec![Future { probability: 1.0, trajectories, controls: vec![] }]
-        };
-        Ok(UncheckedPrediction { step: step.observation.step, futures, ..Default::default() })
+        Ok(UncheckedPrediction::certain(step.observation.step, trajectories))
     }
 }
 

@@ -186,6 +186,14 @@ pub struct UncheckedPrediction {
 pub struct Prediction(UncheckedPrediction);
 
 impl UncheckedPrediction {
+    /// One future for certain, of these; none where there is nobody.
+    #[must_use]
+    pub fn certain(step: u32, trajectories: Vec<PredictedTrajectory>) -> Self {
+        let future = Future { probability: 1.0, trajectories, controls: vec![] };
+        let futures = if future.trajectories.is_empty() { vec![] } else { vec![future] };
+        Self { step, futures, ..Self::default() }
+    }
+
     /// The prediction, if it answers `step` and is whole. No future at all is allowed: nobody to predict.
     ///
     /// # Errors

@@ -4,6 +4,7 @@
 //! level.
 
 use world::geometry::{Bounds, Point3, SegmentGrid};
+use world::reference_line::ReferenceLine;
 
 use super::STOREY;
 
@@ -53,6 +54,14 @@ impl Level {
             reach: route.grown(REACH + 1e-3),
             heights,
         }
+    }
+
+    /// The level along a reference line, from a point a metre.
+    #[must_use]
+    pub fn of_line(line: &ReferenceLine, corridor: f64) -> Self {
+        let every_metre = (0..line.len()).step_by(10);
+        let points: Vec<Point3> = every_metre.map(|at| Point3::new(line.x[at], line.y[at], line.z[at])).collect();
+        Self::along(&points, corridor)
     }
 
     /// Whether a point of the map is where the AV may come, and on its level: on one of them, where the route passes over itself.

@@ -8,8 +8,10 @@ use world::plan::STEP_SECONDS;
 use super::Counted;
 use super::savitzky_golay::SavitzkyGolay;
 
-const SMOOTH: SavitzkyGolay = SavitzkyGolay { window: 8, degree: 2, derivative: 0 };
-const JERK: SavitzkyGolay = SavitzkyGolay { window: 15, degree: 2, derivative: 1 };
+/// Of accelerations.
+pub const SMOOTH: SavitzkyGolay = SavitzkyGolay { window: 8, degree: 2, derivative: 0 };
+/// Of jerk, after it.
+pub const JERK: SavitzkyGolay = SavitzkyGolay { window: 15, degree: 2, derivative: 1 };
 const YAW_RATE: SavitzkyGolay = SavitzkyGolay { window: 5, degree: 2, derivative: 1 };
 const YAW_ACCELERATION: SavitzkyGolay = SavitzkyGolay { window: 5, degree: 3, derivative: 2 };
 

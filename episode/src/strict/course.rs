@@ -1,6 +1,6 @@
 //! What stays the same over an episode, laid out for its steps; and the reading of the AV against it, step by step.
 
-use world::geometry::{Point, Point3, Pose, Segment};
+use world::geometry::{Point, Pose, Segment};
 use world::reference_line::SAMPLE_SPACING;
 use world::route::Route;
 use world::route::follow::{Followed, Follower};
@@ -77,10 +77,7 @@ impl Course {
     #[must_use]
     pub fn of(bridged: &Bridged, route: Route, settings: &StrictSettings, wheelbase: f64) -> Self {
         let scene = bridged.judged();
-        let line = &route.line;
-        let every_metre = (0..line.len()).step_by(10);
-        let points: Vec<Point3> = every_metre.map(|at| Point3::new(line.x[at], line.y[at], line.z[at])).collect();
-        let level = Level::along(&points, settings.off_route_distance);
+        let level = Level::of_line(&route.line, settings.off_route_distance);
         Self {
             traffic: Traffic::of(bridged),
             lanes: Lanes::of(scene.map(), &level),

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use episode::judges::lanes::Lanes;
 use episode::judges::level::Level;
 use episode::judges::road::RoadEdges;
-use world::geometry::{Point, Point3, PointGrid, Polyline};
+use world::geometry::{Point, PointGrid, Polyline};
 use world::lane_graph::LaneGraph;
 use world::map::MapId;
 use world::route::{Route, RouteStyle};
@@ -38,9 +38,7 @@ impl Ground {
     pub(super) fn of(scene: &Arc<Scene>) -> Result<Self, String> {
         let Route { lanes: route, line, .. } =
             Route::of_log(scene, RouteStyle::Strict).map_err(|error| error.to_string())?;
-        let every_metre = (0..line.len()).step_by(10);
-        let points: Vec<Point3> = every_metre.map(|at| Point3::new(line.x[at], line.y[at], line.z[at])).collect();
-        let level = Level::along(&points, CORRIDOR);
+        let level = Level::of_line(&line, CORRIDOR);
         let polyline = Polyline::new((0..line.len()).map(|index| line.point(index)).collect());
         let line = polyline.ok_or("the route has no line")?;
         let length = line.length();

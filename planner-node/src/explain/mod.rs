@@ -21,7 +21,7 @@ pub use recording::{RecordedStep, RecordingError, read_step, step_of};
 use self::weights::Costs;
 use crate::Weights;
 use crate::gauss_newton_planner::{Rules, Situation};
-use gauss_newton::constants::{DT, KEY_STEPS, STEPS, TERMS, Term, lane_step};
+use gauss_newton::constants::{DT, STEPS, TERMS, Term, lane_step};
 use gauss_newton::{Controls, Evaluation, LinearSolver, Problem, Settings, Solver, trajectory};
 
 /// Why there is no explanation.
@@ -152,7 +152,7 @@ pub fn explain_step(
     problem.set_weights(weights).map_err(|e| error(e.to_string()))?;
     at.evaluate(&problem, &settings.costing, &controls);
     let binding = at.safety().iter().zip(&at.rows.safety).map(|(row, missing)| Binding {
-        seconds: seconds(KEY_STEPS[row.key]),
+        seconds: seconds(row.step),
         track: situation.track(row.neighbor),
         distance: row.distance,
         missing: *missing,
@@ -202,7 +202,7 @@ fn over_time(at: &Evaluation, term: Term, weight: f64) -> [f64; SECONDS] {
         for (i, c) in rows.iter().enumerate() {
             let step = match term {
                 Term::LanePosition | Term::LaneHeading => lane_step(i),
-                Term::Safety => KEY_STEPS[at.safety()[i].key],
+                Term::Safety => at.safety()[i].step,
                 Term::Jerk | Term::SteeringChange => i + at.rows.extent.first_change,
                 _ => i,
             };

@@ -54,6 +54,17 @@ pub struct Other {
     first: usize,
 }
 
+/// The likeliest futures, at most so many, the likeliest first; of equals the first.
+pub fn likeliest(prediction: Option<&Prediction>, most: usize) -> [Option<&Future>; FUTURES] {
+    let all = prediction.map_or(&[][..], Prediction::futures);
+    let mut chosen: [Option<&Future>; FUTURES] = [None; FUTURES];
+    for place in 0..most.min(FUTURES) {
+        let rest = all.iter().filter(|future| !chosen[..place].iter().flatten().any(|one| std::ptr::eq::<Future>(*one, *future)));
+        chosen[place] = rest.reduce(|best, future| if future.probability > best.probability { future } else { best });
+    }
+    chosen
+}
+
 /// Everybody who may be met. Buffers are kept from step to step.
 #[derive(Clone, Debug, Default)]
 pub struct Company {
@@ -74,32 +85,20 @@ impl Company {
     ) {
         self.others.clear();
         self.places.clear();
-        let futures = self.likeliest(prediction, most.min(FUTURES));
-        for agent in &observation.agents {
-            let predicted = futures.map(|future| future.and_then(|future| of(future, agent.track)));
-            self.add(corridor, own, agent, predicted);
-        }
-    }
-
-    /// The likeliest futures; none at all is one, of which nothing is known.
-    fn likeliest<'a>(&mut self, prediction: Option<&'a Prediction>, most: usize) -> [Option<&'a Future>; FUTURES] {
-        let all = prediction.map_or(&[][..], Prediction::futures);
-        let mut chosen = [None; FUTURES];
+        let futures = likeliest(prediction, most);
         self.probabilities.clear();
-        let mut order: [usize; 16] = std::array::from_fn(|i| i);
-        let count = all.len().min(16);
-        order[..count].sort_by(|a, b| all[*b].probability.total_cmp(&all[*a].probability).then(a.cmp(b)));
-        for (place, index) in chosen.iter_mut().zip(&order[..count.min(most)]) {
-            *place = Some(&all[*index]);
-            self.probabilities.push(all[*index].probability);
-        }
+        self.probabilities.extend(futures.iter().flatten().map(|future| future.probability));
         if self.probabilities.is_empty() {
+            // One, of which nothing is known.
             self.probabilities.push(1.0);
         }
         let sum: f64 = self.probabilities.iter().sum();
         let count = self.probabilities.len() as f64;
         self.probabilities.iter_mut().for_each(|p| *p = if sum > 0.0 { *p / sum } else { 1.0 / count });
-        chosen
+        for agent in &observation.agents {
+            let predicted = futures.map(|future| future.and_then(|future| of(future, agent.track)));
+            self.add(corridor, own, agent, predicted);
+        }
     }
 
     fn add(
@@ -120,7 +119,7 @@ impl Company {
             return;
         }
         let (half_length, half_width) = (0.5 * state.length, 0.5 * state.width);
-        let differs = !standing && self.probabilities.len() > 1 && predicted[0].is_some();
+        let differs = !standing && self.probabilities.len() > 1 && predicted.iter().any(Option::is_some);
         let first = self.places.len();
         let futures = if differs { self.probabilities.len() } else { 1 };
         for predicted in &predicted[..futures] {

@@ -31,16 +31,16 @@ mod trial;
 use episode::judges::lanes::{Against, Lanes};
 use episode::judges::level::Level;
 use episode::judges::road::RoadEdges;
+use episode::metrics::comfort::Ride;
 use wire::node::{Planner, PlannerFactory, StepInput};
-use world::geometry::Point3;
 use world::observation::Briefing;
-use world::plan::{Control, Diagnostics, PLAN_STEPS, PlanState, Prediction, UncheckedPlan};
+use world::plan::{Control, Diagnostics, PLAN_STEPS, PlanState, UncheckedPlan};
 
-use company::{Company, FUTURES};
+use company::{Company, FUTURES, likeliest};
 use policy::{FALLBACK, POLICIES, SECOND_THOUGHTS};
 use refine::Refinery;
 use rollout::{Road, Rollout};
-use trial::{Court, Felt, Filters, PAST, REACTION, Verdict, most_progress};
+use trial::{Court, Filters, PAST, REACTION, Verdict, most_progress};
 
 use crate::idm::{Corridor, DesiredSpeed, Obstacle, in_the_way};
 
@@ -124,16 +124,14 @@ pub(crate) struct Drive {
     red: Vec<f64>,
     scratch: Rollout,
     last: Option<[Control; PLAN_STEPS]>,
-    past: Vec<Felt>,
+    past: Vec<Ride>,
     refinery: Refinery,
 }
 
 impl Drive {
     pub(crate) fn new(options: Options, briefing: &Briefing) -> Self {
         let line = &briefing.reference_line;
-        let every_metre = (0..line.len()).step_by(10);
-        let points: Vec<Point3> = every_metre.map(|at| Point3::new(line.x[at], line.y[at], line.z[at])).collect();
-        let level = Level::along(&points, OFF_ROUTE);
+        let level = Level::of_line(line, OFF_ROUTE);
         // The last plan, and those of the futures.
         let most = POLICIES.len() + 1 + FUTURES + usize::from(options.refine);
         Self {
@@ -215,8 +213,8 @@ impl Drive {
         if let Some(last) = self.last {
             self.candidates.push(propose("last", &mut last[1..].iter().chain(last.last()).copied()));
         }
-        let predicted = prediction.map_or(&[][..], Prediction::futures).iter().filter(|f| !f.controls.is_empty());
-        for (name, future) in ["network 1", "network 2", "network 3"].into_iter().zip(predicted) {
+        let told = likeliest(prediction, futures).into_iter().flatten().filter(|future| !future.controls.is_empty());
+        for (name, future) in ["network 1", "network 2", "network 3"].into_iter().zip(told) {
             self.candidates.push(propose(name, &mut future.controls.iter().copied()));
         }
         rank(&mut self.candidates, &self.company);
@@ -244,7 +242,7 @@ impl Drive {
         }
         let Control { acceleration, steering } = observation.control;
         let yaw_rate = observation.av.speed() * libm::tan(steering) / briefing.wheelbase;
-        self.past.push(Felt { acceleration, yaw_rate });
+        self.past.push(Ride { acceleration, yaw_rate, ..Ride::default() });
     }
 }
 

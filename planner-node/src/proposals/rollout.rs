@@ -7,8 +7,7 @@ use world::vehicle::{BicycleModel, Limits, VehicleState};
 
 use super::company::{Company, Expected, LOOK_STEPS, Other};
 use super::policy::{Policy, Regard};
-use crate::idm::speed;
-use crate::idm::{Corridor, DesiredSpeed, Obstacle, Place, Wanted, steering};
+use crate::idm::{Corridor, DesiredSpeed, Obstacle, Place, Wanted, speed, steering};
 
 /// Room to either side of the AV (m), and for people on foot or on a bicycle.
 const SIDE_MARGIN: f64 = 0.2;
@@ -85,8 +84,7 @@ impl Rollout {
             let front = place.station + half_length;
             let look = k / LOOK_STEPS;
             let at = Av { place, front, half_width, speed: state.speed, offset };
-            let looks_at = |_: &&Other| policy.regard != Regard::Nobody;
-            let others = road.company.others().iter().filter(looks_at);
+            let others = road.company.others().iter();
             let leaders =
                 others.filter_map(|other| at.leader(other, &road.company.places(other, 0)[look], policy.regard));
             let seconds = k as f64 * STEP_SECONDS;
@@ -154,7 +152,8 @@ impl Av {
     /// Gap (m) and speed of who is there in its way.
     fn leader(&self, other: &Other, there: &Expected, regard: Regard) -> Option<(f64, f64)> {
         let room = match (regard, other.kind) {
-            (Regard::Squeezes | Regard::Nobody, _) => HAND,
+            (Regard::Nobody, _) => return None,
+            (Regard::Squeezes, _) => HAND,
             (Regard::Yields, AgentKind::Pedestrian | AgentKind::Cyclist) => SIDE_MARGIN_VULNERABLE,
             (Regard::Yields, AgentKind::Vehicle | AgentKind::Other) => SIDE_MARGIN,
         };

@@ -7,9 +7,11 @@ use episode::judges::lanes::{Against, Lanes};
 use episode::judges::rear_axle_to_center;
 use episode::judges::road::{RoadEdges, TOLERANCE, outermost};
 use episode::judges::time_to_collision::{LEAST_TIME_TO_COLLISION, STANDING_SPEED, TrafficAgent, time_to_collision};
-use episode::metrics::savitzky_golay::SavitzkyGolay;
+use episode::metrics::comfort::{
+    JERK, LONGITUDINAL_ACCELERATION, LONGITUDINAL_JERK, Ride, SMOOTH, YAW_ACCELERATION_BOUND,
+};
 use world::geometry::{OrientedBox, Point, boxes_overlap};
-use world::plan::{Control, PLAN_STEPS, STEP_SECONDS};
+use world::plan::{PLAN_STEPS, STEP_SECONDS};
 use world::scene::{AgentState, TrackId};
 
 use super::company::{Company, Expected, FUTURES, LOOK_STEPS, LOOKS, Other};
@@ -20,8 +22,9 @@ use super::rollout::Rollout;
 const JUDGED: usize = 20;
 const _: () = assert!(JUDGED < LOOKS);
 
-/// Steps after which the AV brakes if those ahead do at once (m/s^2).
+/// Steps after which the AV brakes if those ahead do at once.
 pub const REACTION: usize = 6;
+/// How hard they do (m/s^2).
 const SUDDEN_BRAKING: f64 = 5.0;
 
 /// Room (m) around others, growing with time (m/s) around those who move: ahead and behind, and to the sides.
@@ -66,6 +69,7 @@ pub struct Meeting {
     pub close: Option<Hit>,
     /// At how many looks it is.
     close_looks: usize,
+    /// The last of them.
     last_close: usize,
 }
 
@@ -133,15 +137,6 @@ pub fn most_progress<'a>(verdicts: impl Iterator<Item = &'a Verdict>, futures: u
     verdicts.filter(|verdict| verdict.is_clean(futures)).map(|verdict| verdict.progress).fold(0.0, f64::max)
 }
 
-/// What nuPlan reads of a step.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Felt {
-    /// Of the speed (m/s^2).
-    pub acceleration: f64,
-    /// (rad/s).
-    pub yaw_rate: f64,
-}
-
 /// All that a trial needs to know.
 pub struct Court<'a> {
     pub company: &'a Company,
@@ -154,7 +149,7 @@ pub struct Court<'a> {
     /// Stations of red lights (m).
     pub red: &'a [f64],
     /// What was driven, the latest last, and whether that is all.
-    pub past: &'a [Felt],
+    pub past: &'a [Ride],
     pub begins: bool,
     pub filters: &'a Filters,
 }
@@ -246,9 +241,8 @@ impl Court<'_> {
             && !is_behind(body, self.wheelbase, there.outline.center)
             && time_to_collision(body, &agent).is_some_and(|time| time < LEAST_TIME_TO_COLLISION)
         {
-            let counted = meeting.close.is_some() && meeting.last_close == look;
             meeting.close.get_or_insert(hit);
-            meeting.close_looks += usize::from(!counted);
+            meeting.close_looks += usize::from(meeting.last_close != look);
             meeting.last_close = look;
         }
     }
@@ -314,30 +308,31 @@ impl Court<'_> {
         let mut count = 0;
         let mut before = None;
         let mut sharpest: f64 = 0.0;
-        let mut feel = |felt: Felt| {
-            let yaw = before.map_or(0.0, |before| (felt.yaw_rate - before) / STEP_SECONDS);
-            before = Some(felt.yaw_rate);
-            read[count] = felt.acceleration + center * (felt.yaw_rate * felt.yaw_rate + yaw);
+        let mut feel = |ride: Ride| {
+            let last = before.replace(ride.yaw_rate).unwrap_or(ride.yaw_rate);
+            read[count] = ride.nuplan(last, center).acceleration;
             count += 1;
-            yaw
+            (ride.yaw_rate - last).abs() / STEP_SECONDS
         };
-        for felt in self.past {
-            feel(*felt);
+        for ride in self.past {
+            feel(*ride);
         }
         for k in 0..AHEAD {
-            let Control { steering, .. } = rollout.controls[k];
             let (now, next) = (rollout.states[k], rollout.states[k + 1]);
-            let yaw_rate = next.speed * libm::tan(steering) / self.wheelbase;
+            let yaw_rate = next.speed * libm::tan(rollout.controls[k].steering) / self.wheelbase;
             let acceleration = (next.speed - now.speed) / STEP_SECONDS;
-            let yaw = feel(Felt { acceleration, yaw_rate });
-            sharpest = sharpest.max(yaw.abs());
+            sharpest = sharpest.max(feel(Ride { acceleration, yaw_rate, ..Ride::default() }));
         }
         let (past, begins) = (self.past.len(), self.begins);
         let jerk = self.filters.jerk.extremes(&read[..count], past, begins);
         let (least, most) = self.filters.smooth.extremes(&read[..count], past, begins);
         let jerk = jerk.1.max(-jerk.0);
+        // Somewhat within the metric's bounds: what is driven in the end is another plan's.
         let over = |value: f64, bound: f64, scale: f64| ((value - bound) / scale).max(0.0);
-        let excess = over(jerk, 3.9, 4.0) + over(-least, 3.9, 2.0) + over(most, 2.25, 1.0) + over(sharpest, 1.8, 1.0);
+        let excess = over(jerk, LONGITUDINAL_JERK - 0.23, 4.0)
+            + over(-least, -LONGITUDINAL_ACCELERATION.0 - 0.15, 2.0)
+            + over(most, LONGITUDINAL_ACCELERATION.1 - 0.15, 1.0)
+            + over(sharpest, YAW_ACCELERATION_BOUND - 0.13, 1.0);
         (1.0 - excess).max(0.0) * if excess > 0.0 { UNCOMFORTABLE } else { 1.0 }
     }
 }
@@ -373,8 +368,6 @@ pub struct Filters {
 
 impl Default for Filters {
     fn default() -> Self {
-        const SMOOTH: SavitzkyGolay = SavitzkyGolay { window: 8, degree: 2, derivative: 0 };
-        const JERK: SavitzkyGolay = SavitzkyGolay { window: 15, degree: 2, derivative: 1 };
         Self { smooth: Filter::of(&[SMOOTH]), jerk: Filter::of(&[SMOOTH, JERK]) }
     }
 }
