@@ -59,7 +59,9 @@ pub fn likeliest(prediction: Option<&Prediction>, most: usize) -> [Option<&Futur
     let all = prediction.map_or(&[][..], Prediction::futures);
     let mut chosen: [Option<&Future>; FUTURES] = [None; FUTURES];
     for place in 0..most.min(FUTURES) {
-        let rest = all.iter().filter(|future| !chosen[..place].iter().flatten().any(|one| std::ptr::eq::<Future>(*one, *future)));
+        let rest = all
+            .iter()
+            .filter(|future| !chosen[..place].iter().flatten().any(|one| std::ptr::eq::<Future>(*one, *future)));
         chosen[place] = rest.reduce(|best, future| if future.probability > best.probability { future } else { best });
     }
     chosen
