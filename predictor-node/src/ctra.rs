@@ -127,6 +127,19 @@ mod tests {
     }
 
     #[test]
+    fn who_brakes_hard_goes_on_braking_and_who_slows_down_a_little_does_not() {
+        // By 3 m/s^2 of 15 m/s, and by 0.9.
+        let speed_after_4_s = |before: f64| {
+            let poses = poses(&agent(0.0, 0.0, 0.0, 15.0), &agent(-7.5, 0.0, 0.0, before), 0.5);
+            ways(&poses)[39] / STEP_SECONDS
+        };
+        let (hard, little) = (speed_after_4_s(16.5), speed_after_4_s(15.45));
+        // 3 m/s^2 for 2 s, 0.9 m/s^2 for half a second, but for what is left to fade.
+        assert!(hard > 9.0 && hard < 10.0, "{hard}");
+        assert!((little - (15.0 - 0.45)).abs() < 0.05, "{little}");
+    }
+
+    #[test]
     fn a_turn_fades() {
         for turn in [0.3, -0.3] {
             let poses = poses(&agent(0.0, 0.0, 3.0, 8.0), &agent(0.0, 0.0, 3.0 - 0.5 * turn, 8.0), 0.5);

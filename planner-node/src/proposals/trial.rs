@@ -408,8 +408,11 @@ mod tests {
     const CLEAN: Verdict = Verdict {
         meetings: [Meeting { contact: None, close: None, close_looks: 0, last_close: 0 }; FUTURES],
         unsaved: None,
+        tight: None,
         oncoming: false,
+        beside: 0.0,
         aside: 0.0,
+        farthest: 0.0,
         drivable: 1.0,
         red: false,
         progress: 20.0,
@@ -458,6 +461,22 @@ mod tests {
     }
 
     #[test]
+    fn what_is_wrong_is_worth_less_the_worse_it_is() {
+        let tight = Verdict { tight: Some(TrackId(2)), ..CLEAN };
+        let all = [
+            CLEAN,
+            Verdict { beside: 1.0, farthest: 1.0, ..CLEAN },
+            Verdict { beside: 3.0, farthest: 3.0, ..CLEAN },
+            Verdict { oncoming: true, ..CLEAN },
+            tight,
+            Verdict { unsaved: tight.tight, ..tight },
+            Verdict { beside: 4.5, farthest: 4.5, ..CLEAN },
+        ];
+        let worth = all.map(|verdict| verdict.score(0, 20.0));
+        assert!(worth.windows(2).all(|pair| pair[0] > pair[1]), "{worth:?}");
+    }
+
+    #[test]
     fn progress_with_which_something_is_wrong_is_no_measure() {
         let mut touches = Verdict { progress: 60.0, ..CLEAN };
         touches.meetings[1].contact = hit(8, 2.0);
@@ -467,6 +486,7 @@ mod tests {
             Verdict { progress: 50.0, red: true, ..CLEAN },
             Verdict { progress: 50.0, unsaved: Some(TrackId(2)), ..CLEAN },
             Verdict { progress: 50.0, drivable: OFF_ROAD, ..CLEAN },
+            Verdict { progress: 50.0, farthest: 4.5, ..CLEAN },
         ];
         assert_eq!(most_progress(all.iter(), 2), 20.0);
         assert_eq!(most_progress(all.iter(), 1), 60.0, "the second future is not looked at");
