@@ -66,8 +66,7 @@ pub enum RequestError {
     )]
     NeedsNetwork(&'static str),
     #[error(
-        "the driver {name} needs weights, for only those of {default} are built in\nhint: --weights weights/{file}, a file of reloop's repository; docs/network.md tells of others",
-        default = drivers::DEFAULT
+        "the driver {name} needs weights, for only those of dipp are built in\nhint: --weights weights/{file}, a file of reloop's repository; docs/network.md tells of others"
     )]
     NeedsWeights { name: &'static str, file: &'static str },
     #[error(
@@ -317,27 +316,30 @@ mod tests {
     #[test]
     fn the_weights_that_are_built_in_are_named_by_their_checksum() {
         let network = |arguments: &[&str]| resolve(arguments).settings.predictor.unwrap();
-        let dipp = network(&[]);
+        let dipp = network(&["--driver", "dipp"]);
         assert_eq!(dipp.weights_sha256.as_deref(), Some(weights::built_in_sha256()));
         assert_eq!(dipp.options, ["--features", "mended"]);
         assert_eq!(network(&["--driver", "idm", "--predictor", "network"]), dipp);
         assert_eq!(network(&["--planner", "external", "--predictor", "network"]), dipp);
-        assert_eq!(network(&["--features", "authors"]).options, ["--features", "authors"]);
+        assert_eq!(network(&["--driver", "dipp", "--features", "authors"]).options, ["--features", "authors"]);
         let other = concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml");
-        assert_eq!(network(&["--weights", other]).options, ["--features", "authors"]);
+        assert_eq!(network(&["--driver", "dipp", "--weights", other]).options, ["--features", "authors"]);
         let folder = tempfile::tempdir().unwrap();
         let trained = folder.path().join("trained.safetensors");
         let weights = Weights::formula(Variant::Joint).with_features(Features::Mended);
         fs::write(&trained, weights.write(Precision::Half).unwrap()).unwrap();
         let trained = trained.to_str().unwrap();
-        assert_eq!(network(&["--weights", trained]).options, ["--features", "mended"]);
-        assert_eq!(network(&["--weights", trained, "--features", "authors"]).options, ["--features", "authors"]);
+        assert_eq!(network(&["--driver", "dipp", "--weights", trained]).options, ["--features", "mended"]);
+        assert_eq!(
+            network(&["--driver", "dipp", "--weights", trained, "--features", "authors"]).options,
+            ["--features", "authors"]
+        );
     }
 
     #[test]
     fn the_built_in_file_given_by_its_name_makes_the_same_run() {
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../weights/dipp.f16.safetensors");
-        let (built_in, given) = (run_file(&[]), run_file(&["--weights", file]));
+        let (built_in, given) = (run_file(&["--driver", "dipp"]), run_file(&["--driver", "dipp", "--weights", file]));
         assert_eq!(built_in.differences(&given), Vec::<String>::new());
     }
 
@@ -403,7 +405,7 @@ mod tests {
         let refused = refusal(&["--driver", "gn-ctrv", "--predictor", "none"]);
         assert!(matches!(refused, RequestError::NeedsPredictor("gn-ctrv")));
         for other in ["none", "ctrv", "oracle"] {
-            assert!(matches!(refusal(&["--predictor", other]), RequestError::NeedsNetwork("dipp")));
+            assert!(matches!(refusal(&["--driver", "dipp", "--predictor", other]), RequestError::NeedsNetwork("dipp")));
         }
     }
 
@@ -460,7 +462,7 @@ mod tests {
 
     #[test]
     fn another_predictor_makes_another_driver() {
-        assert_eq!(resolve(&[]).settings.driver, "dipp");
+        assert_eq!(resolve(&[]).settings.driver, drivers::DEFAULT);
         assert_eq!(resolve(&["--driver", "idm"]).settings.driver, "idm");
         assert_eq!(resolve(&["--driver", "idm", "--predictor", "none"]).settings.driver, "idm");
         assert_eq!(resolve(&["--driver", "idm", "--predictor", "ctrv"]).settings.driver, "idm-ctrv");
