@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use gauss_newton::constants::HAND_TUNED;
+use gauss_newton::constants::{HAND_TUNED, Term};
 use mcap::{WriteOptions, Writer};
 use wire::proto;
 use world::observation::Observation;
-use world::plan::{Control, UncheckedPlan};
+use world::plan::{Control, UncheckedPlan, UncheckedPrediction};
 
 use super::*;
 use crate::gauss_newton_planner::Options;

@@ -72,6 +72,11 @@ pub struct Options {
     pub refine: u8,
 }
 
+impl Options {
+    /// How many proposals may be refined.
+    pub const REFINE: std::ops::RangeInclusive<u8> = 0..=8;
+}
+
 impl Default for Options {
     fn default() -> Self {
         Self { contingency: Contingency::default(), refine: REFINED }
