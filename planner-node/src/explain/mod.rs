@@ -8,19 +8,23 @@
 //! | `run.rs` | what the run's settings say of its planner |
 //! | `costs.rs` | plans of controls: what each term costs, and what the search would come to without it |
 //! | `weights.rs` | which weights these costs have |
+//! | `proposals.rs` | plans chosen among proposals: what each was worth, and what is against those that lost |
 
 mod costs;
+mod proposals;
 mod recording;
 mod run;
 #[cfg(test)]
 mod tests;
 mod weights;
 
+use std::fmt;
 use std::path::Path;
 
 use thiserror::Error;
 
-pub use costs::Costs as Explanation;
+pub use costs::Costs;
+pub use proposals::Trials;
 pub use recording::{RecordedStep, RecordingError, read_step, step_of};
 pub use run::PlannerOfRun;
 
@@ -53,6 +57,11 @@ pub enum ExplainError {
         /// How that shows.
         what: String,
     },
+    /// The plan was chosen among proposals, and weights are given.
+    #[error(
+        "the plan of step {0} was chosen among proposals, and their score has no weights to be given\nhint: leave --weights out"
+    )]
+    NoWeights(u32),
     /// The options of the run's planner cannot be understood.
     #[error("step {step}: its run has {option} {value}, and that is none of {allowed}")]
     Options {
@@ -67,6 +76,24 @@ pub enum ExplainError {
     },
 }
 
+/// Why a plan is what it is.
+#[derive(Clone, Debug)]
+pub enum Explanation {
+    /// What its controls cost.
+    Costs(Box<Costs>),
+    /// Among which proposals it was chosen.
+    Trials(Trials),
+}
+
+impl fmt::Display for Explanation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Costs(costs) => costs.fmt(f),
+            Self::Trials(trials) => trials.fmt(f),
+        }
+    }
+}
+
 /// Explains a step of a recording, under these weights; without any, under those that it was made with.
 ///
 /// # Errors
@@ -75,7 +102,7 @@ pub fn explain(path: &Path, step: u32, weights: Option<&Weights>) -> Result<Expl
     explain_step(step, &read_step(path, step)?, weights)
 }
 
-/// Explains a step that is read already.
+/// Explains a step that is read already: by its own account, for a run may be forked, and a planner be anybody's.
 ///
 /// # Errors
 /// [`ExplainError`].
@@ -84,5 +111,11 @@ pub fn explain_step(
     recorded: &RecordedStep,
     weights: Option<&Weights>,
 ) -> Result<Explanation, ExplainError> {
-    Explanation::of(step, recorded, weights)
+    if proposals::is_chosen(recorded.plan.diagnostics()) {
+        return match weights {
+            Some(_) => Err(ExplainError::NoWeights(step)),
+            None => Ok(Explanation::Trials(Trials::of(step, recorded)?)),
+        };
+    }
+    Ok(Explanation::Costs(Box::new(Costs::of(step, recorded, weights)?)))
 }

@@ -41,7 +41,7 @@ const LATE_CLOSE: f64 = 0.6;
 const BRIEFLY_CLOSE: f64 = 0.4;
 
 /// Factors of a corner beyond the road's edge by nuPlan's tolerance, and by less; of what could not be saved if those ahead braked.
-const OFF_ROAD: f64 = 0.2;
+pub const OFF_ROAD: f64 = 0.2;
 const OVER_THE_EDGE: f64 = 0.95;
 const UNSAVED: f64 = 0.5;
 /// ... and of a lane of oncoming traffic; what a metre farther beside the line costs.
