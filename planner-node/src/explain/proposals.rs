@@ -3,6 +3,7 @@
 //! The step is planned again by the planner itself, with what it remembered: the steps before, and its last plan. From the same recording
 //! comes the same plan, to the bit; where it does not, what is missing is told.
 
+use std::array::from_fn;
 use std::fmt;
 
 use clap::ValueEnum;
@@ -16,6 +17,9 @@ use crate::ProposalsOptions;
 use crate::proposals::company::{FUTURES, LOOK_STEPS};
 use crate::proposals::trial::{Hit, Meeting, OFF_ROAD, Verdict};
 use crate::proposals::{Candidate, Drive, is_name};
+
+#[cfg(test)]
+mod tests;
 
 /// Scores that differ by less are the same.
 const ROUNDING: f64 = 1e-9;
@@ -48,6 +52,43 @@ struct Tried {
     /// 1 within nuPlan's bounds, less beyond.
     comfort: f64,
     against: Vec<Objection>,
+    /// The futures in which it is given up after the first second.
+    given_up: Among,
+}
+
+/// Some of the futures.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Among {
+    chosen: [bool; FUTURES],
+    /// How many there are.
+    count: usize,
+}
+
+impl Among {
+    /// None of so many.
+    fn none(count: usize) -> Self {
+        Self { chosen: [false; FUTURES], count }
+    }
+
+    fn is_empty(self) -> bool {
+        !self.chosen.contains(&true)
+    }
+}
+
+impl fmt::Display for Among {
+    /// Which, where it is not all.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let chosen = || self.chosen.iter().enumerate().filter(|(_, chosen)| **chosen);
+        let how_many = chosen().count();
+        if how_many == self.count {
+            return Ok(());
+        }
+        f.write_str(if how_many == 1 { " in future" } else { " in futures" })?;
+        for (nth, (future, _)) in chosen().enumerate() {
+            write!(f, "{} {}", if nth == 0 { "" } else { " and" }, future + 1)?;
+        }
+        Ok(())
+    }
 }
 
 /// What the best proposal is worth in a future.
@@ -96,9 +137,7 @@ struct Encounter {
     /// When first (s).
     seconds: f64,
     /// In which futures.
-    futures: [bool; FUTURES],
-    /// Whether in all that there are.
-    always: bool,
+    futures: Among,
 }
 
 /// Whether a plan is one that was chosen among proposals: it tells a score and nothing else, and is called as a proposal.
@@ -141,6 +180,10 @@ impl Trials {
             progress: candidate.verdict.progress,
             comfort: candidate.verdict.comfort,
             against: against(&candidate.verdict, probabilities.len()),
+            given_up: Among {
+                chosen: from_fn(|future| future < probabilities.len() && candidate.worth(future, most).1),
+                count: probabilities.len(),
+            },
         };
         Ok(Self {
             scene: briefing.scene.to_string(),
@@ -181,7 +224,11 @@ fn missing(step: u32, recorded: &RecordedStep, has_last: bool, told: Option<Prop
     if recorded.prediction.is_none() {
         notes.push("nobody predicted: everybody is expected to keep their velocity".to_owned());
     }
-    if told.is_none() {
+    if let Some(from) = recorded.planner.from.filter(|from| step < *from) {
+        notes.push(format!(
+            "up to step {from} another run's plans were driven: what was predicted for them is not recorded, nor their planner's options"
+        ));
+    } else if told.is_none() {
         let ProposalsOptions { contingency, refine } = ProposalsOptions::default();
         let name = contingency.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default();
         notes.push(format!(
@@ -244,15 +291,12 @@ fn encounters(meetings: &[Meeting], hit: impl Fn(&Meeting) -> Option<Hit>) -> Ve
         let seconds = (look * LOOK_STEPS) as f64 * STEP_SECONDS;
         if let Some(known) = encounters.iter_mut().find(|known| known.track == track) {
             known.seconds = known.seconds.min(seconds);
-            known.futures[future] = true;
+            known.futures.chosen[future] = true;
         } else {
-            let mut futures = [false; FUTURES];
-            futures[future] = true;
-            encounters.push(Encounter { track, seconds, futures, always: false });
+            let mut futures = Among::none(meetings.len());
+            futures.chosen[future] = true;
+            encounters.push(Encounter { track, seconds, futures });
         }
-    }
-    for known in &mut encounters {
-        known.always = known.futures[..meetings.len()].iter().all(|there| *there);
     }
     encounters
 }
@@ -310,15 +354,13 @@ impl fmt::Display for Objection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Contact(met) => {
-                write!(f, "contact at fault with track {} at {:.1} s{}", met.track, met.seconds, met.place())
+                write!(f, "contact at fault with track {} at {:.1} s{}", met.track, met.seconds, met.futures)
             }
             Self::Close(met) => {
                 write!(
                     f,
                     "time to collision with track {} too short from {:.1} s{}",
-                    met.track,
-                    met.seconds,
-                    met.place()
+                    met.track, met.seconds, met.futures
                 )
             }
             Self::OffRoad => f.write_str("off the road"),
@@ -332,18 +374,6 @@ impl fmt::Display for Objection {
     }
 }
 
-impl Encounter {
-    /// In which futures, where it is not in all.
-    fn place(&self) -> String {
-        if self.always {
-            return String::new();
-        }
-        let numbers = (1..).zip(self.futures).filter(|(_, there)| *there).map(|(number, _)| i32::to_string(&number));
-        let numbers: Vec<String> = numbers.collect();
-        format!(" in future {}", numbers.join(" and "))
-    }
-}
-
 impl fmt::Display for Trials {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { scene, protocol, step, notes, tried, futures, binding } = self;
@@ -354,8 +384,11 @@ impl fmt::Display for Trials {
         }
         writeln!(f, "\nwhat was tried, judged over 4 s")?;
         writeln!(f, "{:<16} {:>8} {:>11} {:>8}  against it", "proposal", "score", "progress m", "comfort")?;
-        for Tried { name, score, progress, comfort, against } in tried {
-            let against: Vec<String> = against.iter().map(Objection::to_string).collect();
+        for Tried { name, score, progress, comfort, against, given_up } in tried {
+            let mut against: Vec<String> = against.iter().map(Objection::to_string).collect();
+            if !given_up.is_empty() {
+                against.push(format!("given up after 1 s{given_up}"));
+            }
             let against = if against.is_empty() { "-".to_owned() } else { against.join("; ") };
             writeln!(f, "{name:<16} {score:>8.4} {progress:>11.2} {comfort:>8.3}  {against}")?;
         }
