@@ -190,6 +190,12 @@ fn all_that_can_be_said() {
     };
     assert_eq!(binding(None), "no proposal comes farther\n");
     let go = |loss| Some(Binding { name: "go", score: 0.61, farther: 4.2, loss });
-    insta::assert_snapshot!(binding(go(Some((Objection::Discomfort(0.31), 0.7)))), @"");
-    insta::assert_snapshot!(binding(go(None)), @"");
+    insta::assert_snapshot!(binding(go(Some((Objection::Discomfort(0.31), 0.7)))), @r"
+    go would come 4.2 m farther, with a score of 0.6100
+    it loses most by: a comfort of 0.310; without that 0.7000, still not more than brisk
+    ");
+    insta::assert_snapshot!(binding(go(None)), @r"
+    go would come 4.2 m farther, with a score of 0.6100
+    nothing is against it
+    ");
 }
