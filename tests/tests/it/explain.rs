@@ -1,7 +1,7 @@
 //! What `planner-node explain` says of a plan that was chosen among proposals is what was driven.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use planner_node::explain::{Explanation, Trials, explain_step, read_step};
@@ -17,7 +17,7 @@ fn recordings(stage: &Stage, run: &str) -> Vec<PathBuf> {
 }
 
 /// All proposals of a step, tried again; the best, as it is found and as it is recorded.
-fn tried(recording: &PathBuf, step: u32) -> (Trials, (String, f64), (String, f64)) {
+fn tried(recording: &Path, step: u32) -> (Trials, (String, f64), (String, f64)) {
     let recorded = read_step(recording, step).unwrap();
     let Explanation::Trials(trials) = explain_step(step, &recorded, None).unwrap() else {
         panic!("{} was chosen among proposals", recording.display());
