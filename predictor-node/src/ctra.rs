@@ -20,6 +20,9 @@ const ACCELERATIONS: std::ops::RangeInclusive<f64> = -5.0..=2.5;
 /// Turn rate and acceleration fall to a third in this time (s).
 const TURN_FADES: f64 = 1.0;
 const ACCELERATION_FADES: f64 = 0.5;
+/// ... of who brakes harder than this (m/s^2): that is mostly for a reason that lasts.
+const BRAKING_FADES: f64 = 2.0;
+const BRAKING: f64 = 1.0;
 
 /// Below this (m/s) nobody turns: what is logged is noise.
 const STANDING: f64 = 0.5;
@@ -59,8 +62,9 @@ fn poses(now: &AgentState, before: &AgentState, seconds: f64) -> Vec<Pose> {
     let turn = angle_difference(before.heading, now.heading) / seconds;
     let mut turn_rate = if speed < STANDING { 0.0 } else { turn.clamp(-LARGEST_TURN_RATE, LARGEST_TURN_RATE) };
     let mut acceleration = ((speed - before.speed()) / seconds).clamp(*ACCELERATIONS.start(), *ACCELERATIONS.end());
-    let (turn_fades, acceleration_fades) =
-        (libm::exp(-STEP_SECONDS / TURN_FADES), libm::exp(-STEP_SECONDS / ACCELERATION_FADES));
+    let turn_fades = libm::exp(-STEP_SECONDS / TURN_FADES);
+    let in_seconds = if acceleration < -BRAKING { BRAKING_FADES } else { ACCELERATION_FADES };
+    let acceleration_fades = libm::exp(-STEP_SECONDS / in_seconds);
     let (mut place, mut heading) = (now.position(), now.heading);
     let step = |_| {
         let after = (speed + acceleration * STEP_SECONDS).max(0.0);
@@ -120,6 +124,19 @@ mod tests {
         let ways = ways(&poses);
         assert!(ways.windows(2).all(|pair| pair[1] >= pair[0] - 1e-12));
         assert!((ways[48] / STEP_SECONDS - 9.1).abs() < 0.1, "{}", ways[48]);
+    }
+
+    #[test]
+    fn who_brakes_hard_goes_on_braking_and_who_slows_down_a_little_does_not() {
+        // By 3 m/s^2 of 15 m/s, and by 0.9.
+        let speed_after_4_s = |before: f64| {
+            let poses = poses(&agent(0.0, 0.0, 0.0, 15.0), &agent(-7.5, 0.0, 0.0, before), 0.5);
+            ways(&poses)[39] / STEP_SECONDS
+        };
+        let (hard, little) = (speed_after_4_s(16.5), speed_after_4_s(15.45));
+        // 3 m/s^2 for 2 s, 0.9 m/s^2 for half a second, but for what is left to fade.
+        assert!(hard > 9.0 && hard < 10.0, "{hard}");
+        assert!((little - (15.0 - 0.45)).abs() < 0.05, "{little}");
     }
 
     #[test]

@@ -15,7 +15,7 @@ use super::recording::BEFORE;
 use super::{ExplainError, RecordedStep};
 use crate::ProposalsOptions;
 use crate::proposals::company::{FUTURES, LOOK_STEPS};
-use crate::proposals::trial::{Hit, Meeting, OFF_ROAD, Verdict};
+use crate::proposals::trial::{FARTHEST, Hit, Meeting, OFF_ROAD, ON_THE_LINE, Verdict};
 use crate::proposals::{Candidate, Drive, is_name};
 
 #[cfg(test)]
@@ -121,10 +121,13 @@ enum Objection {
     OffRoad,
     OverTheEdge,
     Oncoming,
+    OffRoute,
     Red,
     /// Whom it would hit, if those ahead braked at once.
     Unsaved(TrackId),
-    /// It ends so much farther beside the line (m).
+    /// To whom it would come too near then.
+    Tight(TrackId),
+    /// It ends so far beside the line (m).
     Aside(f64),
     /// What the ride is worth.
     Discomfort(f64),
@@ -260,8 +263,6 @@ fn otherwise(recorded: &Diagnostics, candidates: &[Candidate], doubted: bool) ->
 
 /// All that is against a proposal but its comfort, which has a column.
 fn against(verdict: &Verdict, futures: usize) -> Vec<Objection> {
-    /// Less (m) is not worth a word.
-    const A_STEP_ASIDE: f64 = 0.05;
     let mut against = Vec::new();
     let meetings = &verdict.meetings[..futures];
     against.extend(encounters(meetings, |meeting| meeting.contact).into_iter().map(Objection::Contact));
@@ -274,12 +275,15 @@ fn against(verdict: &Verdict, futures: usize) -> Vec<Objection> {
     if verdict.oncoming {
         against.push(Objection::Oncoming);
     }
+    if verdict.farthest > FARTHEST {
+        against.push(Objection::OffRoute);
+    }
     if verdict.red {
         against.push(Objection::Red);
     }
-    against.extend(verdict.unsaved.map(Objection::Unsaved));
-    if verdict.aside >= A_STEP_ASIDE {
-        against.push(Objection::Aside(verdict.aside));
+    against.extend(verdict.unsaved.map(Objection::Unsaved).or(verdict.tight.map(Objection::Tight)));
+    if verdict.beside > ON_THE_LINE {
+        against.push(Objection::Aside(verdict.beside));
     }
     against
 }
@@ -343,8 +347,9 @@ impl Objection {
             Self::OffRoad | Self::OverTheEdge => verdict.drivable = 1.0,
             Self::Oncoming => verdict.oncoming = false,
             Self::Red => verdict.red = false,
-            Self::Unsaved(_) => verdict.unsaved = None,
-            Self::Aside(_) => verdict.aside = 0.0,
+            Self::OffRoute => verdict.farthest = 0.0,
+            Self::Unsaved(_) | Self::Tight(_) => (verdict.unsaved, verdict.tight) = (None, None),
+            Self::Aside(_) => (verdict.aside, verdict.beside) = (0.0, 0.0),
             Self::Discomfort(_) => verdict.comfort = 1.0,
         }
     }
@@ -366,9 +371,11 @@ impl fmt::Display for Objection {
             Self::OffRoad => f.write_str("off the road"),
             Self::OverTheEdge => f.write_str("over the road's edge"),
             Self::Oncoming => f.write_str("in the oncoming lane"),
-            Self::Red => f.write_str("passes a red light"),
+            Self::Red => f.write_str("passes a red light, or the line's end"),
+            Self::OffRoute => f.write_str("almost off the route"),
             Self::Unsaved(track) => write!(f, "would hit track {track} if those ahead braked at once"),
-            Self::Aside(meters) => write!(f, "{meters:.1} m farther beside the line"),
+            Self::Tight(track) => write!(f, "too near to track {track} if those ahead braked at once"),
+            Self::Aside(meters) => write!(f, "{meters:.1} m beside the line"),
             Self::Discomfort(comfort) => write!(f, "a comfort of {comfort:.3}"),
         }
     }

@@ -26,7 +26,7 @@ use world::scene::AgentState;
 use world::vehicle::{BicycleModel, Limits, VehicleState};
 
 pub use corridor::{Corridor, Footprint, Place};
-pub use obstacles::{Obstacle, in_the_way};
+pub use obstacles::{Obstacle, What, in_the_way};
 pub use speed::{DesiredSpeed, Manner, Wanted};
 
 /// A deceleration below this (m/s^2) is not worth a word.

@@ -42,7 +42,7 @@ use refine::Refinery;
 use rollout::{Road, Rollout};
 use trial::{Court, Filters, PAST, REACTION, Verdict, most_progress};
 
-use crate::idm::{Corridor, DesiredSpeed, Obstacle, in_the_way};
+use crate::idm::{Corridor, DesiredSpeed, Obstacle, What, in_the_way};
 
 /// How several futures are planned for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -150,6 +150,8 @@ pub(crate) struct Drive {
     scratch: Rollout,
     last: Option<[Control; PLAN_STEPS]>,
     past: Vec<Ride>,
+    /// The yaw rate (rad/s) before that.
+    turning: f64,
     refinery: Refinery,
 }
 
@@ -175,6 +177,7 @@ impl Drive {
             scratch: Rollout::default(),
             last: None,
             past: Vec::with_capacity(PAST),
+            turning: 0.0,
             refinery: Refinery::new(briefing),
         }
     }
@@ -243,8 +246,10 @@ impl Drive {
             ground: self.corridor.height(own),
             wheelbase: briefing.wheelbase,
             red: &self.red,
+            end: self.obstacles.iter().find(|o| o.what == What::LineEnd).map(|o| o.station),
             past: &self.past,
             begins: self.past.len() < PAST,
+            turning: self.turning,
             filters: &self.filters,
         };
         let branches = self.options.contingency == Contingency::Branches && self.company.probabilities().len() > 1;
@@ -286,14 +291,16 @@ impl Drive {
     /// Notes what was driven last.
     fn remember(&mut self, step: &StepInput<'_>) {
         let StepInput { briefing, observation, .. } = *step;
+        let Control { acceleration, steering } = observation.control;
+        let yaw_rate = observation.av.speed() * libm::tan(steering) / briefing.wheelbase;
         if observation.step == 0 {
+            // The wheels stand as in the log; nothing was driven yet.
+            self.turning = yaw_rate;
             return;
         }
         if self.past.len() == PAST {
-            self.past.remove(0);
+            self.turning = self.past.remove(0).yaw_rate;
         }
-        let Control { acceleration, steering } = observation.control;
-        let yaw_rate = observation.av.speed() * libm::tan(steering) / briefing.wheelbase;
         self.past.push(Ride { acceleration, yaw_rate, ..Ride::default() });
     }
 }
@@ -315,11 +322,12 @@ impl Trial<'_> {
         candidate.verdict = self.court.judge(&candidate.rollout, self.against);
         self.scratch.clone_from(&candidate.rollout);
         self.scratch.drive(self.road, &FALLBACK, REACTION);
-        candidate.verdict.unsaved = self.court.unsaved(self.scratch);
+        (candidate.verdict.tight, candidate.verdict.unsaved) = self.court.brakes_late(self.scratch);
         candidate.after = self.branches.then(|| {
             self.scratch.clone_from(&candidate.rollout);
             self.scratch.drive(self.road, &SECOND_THOUGHTS, TRUNK);
-            Verdict { unsaved: candidate.verdict.unsaved, ..self.court.judge(self.scratch, self.against) }
+            let Verdict { tight, unsaved, .. } = candidate.verdict;
+            Verdict { tight, unsaved, ..self.court.judge(self.scratch, self.against) }
         });
     }
 }

@@ -77,11 +77,14 @@ fn plan(options: Options, road: &Road) -> UncheckedPlan {
     road.step(|step| Drive::new(options, &road.briefing).plan(step)).unwrap()
 }
 
-/// Drives what is planned, so many steps; the AV after each.
+/// Drives what is planned, so many steps, on a line whose end is out of sight; the AV after each.
 fn drive(road: &mut Road, steps: u32) -> Vec<AgentState> {
-    let mut planner = Drive::new(Options::default(), &road.briefing);
-    // Its end is out of sight.
     road.observation.window.samples = 1900;
+    drive_on(road, steps)
+}
+
+fn drive_on(road: &mut Road, steps: u32) -> Vec<AgentState> {
+    let mut planner = Drive::new(Options::default(), &road.briefing);
     let model = BicycleModel::new(road.briefing.wheelbase);
     let step = |_| {
         let plan = road.step(|step| planner.plan(step)).unwrap();
@@ -185,6 +188,20 @@ fn it_stops_at_a_red_light() {
     let farthest = fronts.fold(0.0, f64::max);
     assert!(farthest < 35.0 && farthest > 29.0, "{farthest}");
     assert!(driven[149].speed() < 0.1);
+}
+
+#[test]
+fn it_stops_before_the_end_of_the_line() {
+    let mut road = Road::new(0.7, 12.0, "strict");
+    let line = road.observation.av.pose();
+    let window = &mut road.observation.window;
+    window.samples = window.line.len() - window.start;
+    // The AV starts at sample 200 of a line of 0.1 m.
+    let end = 0.1 * (window.line.len() - 201) as f64;
+    let driven = drive_on(&mut road, 300);
+    let places: Vec<f64> = driven.iter().map(|av| on_line(line, av).0).collect();
+    assert!(places[299] > 50.0 && driven[299].speed() < 0.1, "{} {}", places[299], driven[299].speed());
+    assert!(places.iter().all(|along| *along + 2.5 < end), "{} {end}", places[299]);
 }
 
 /// Someone crosses from the right, or stops before the line.

@@ -6,7 +6,7 @@ use episode::judges::collision::{classify, is_at_fault, is_behind};
 use episode::judges::lanes::{Against, Lanes};
 use episode::judges::rear_axle_to_center;
 use episode::judges::road::{RoadEdges, TOLERANCE, outermost};
-use episode::judges::time_to_collision::{LEAST_TIME_TO_COLLISION, STANDING_SPEED, TrafficAgent, time_to_collision};
+use episode::judges::time_to_collision::{STANDING_SPEED, TrafficAgent, time_to_collision};
 use episode::metrics::comfort::{
     JERK, LONGITUDINAL_ACCELERATION, LONGITUDINAL_JERK, Ride, SMOOTH, YAW_ACCELERATION_BOUND,
 };
@@ -27,6 +27,12 @@ pub const REACTION: usize = 6;
 /// How hard they do (m/s^2).
 const SUDDEN_BRAKING: f64 = 5.0;
 
+/// What the gap to them should be beyond none then (m), and for each m/s of the AV (s).
+const GAP: (f64, f64) = (1.5, 0.3);
+
+/// A time to collision (s) that is too short: the bound is 0.95, and nobody is sure of 0.15.
+const TIME_TO_COLLISION: f64 = 1.1;
+
 /// Room (m) around others, growing with time (m/s) around those who move: ahead and behind, and to the sides.
 const ROOM: f64 = 0.1;
 const ROOM_GROWS: (f64, f64) = (0.1, 0.03);
@@ -40,13 +46,20 @@ const LATE_CLOSE: f64 = 0.6;
 /// What is worth of a time to collision that is too short for but a moment.
 const BRIEFLY_CLOSE: f64 = 0.4;
 
-/// Factors of a corner beyond the road's edge by nuPlan's tolerance, and by less; of what could not be saved if those ahead braked.
+/// Factors of a corner beyond the road's edge by nuPlan's tolerance, and by less; of what could not be saved if those ahead braked, and
+/// could without the gap that is wanted.
 pub const OFF_ROAD: f64 = 0.2;
 const OVER_THE_EDGE: f64 = 0.95;
 const UNSAVED: f64 = 0.5;
-/// ... and of a lane of oncoming traffic; what a metre farther beside the line costs.
+const TIGHT: f64 = 0.75;
+/// ... of a lane of oncoming traffic, and of what is almost off the route (m), which ends the drive.
 const ONCOMING: f64 = 0.8;
+const OFF_ROUTE: f64 = 0.1;
+pub const FARTHEST: f64 = 4.0;
+/// What a metre farther beside the line costs, and a metre beside it beyond so much (m).
 const ASIDE: f64 = 0.005;
+const BESIDE: f64 = 0.01;
+pub const ON_THE_LINE: f64 = 0.3;
 
 /// nuPlan's weights of progress, time to collision and comfort.
 const WEIGHTS: (f64, f64, f64) = (5.0, 5.0, 2.0);
@@ -79,13 +92,17 @@ pub struct Verdict {
     pub meetings: [Meeting; FUTURES],
     /// Whom it would hit if those ahead braked at once.
     pub unsaved: Option<TrackId>,
+    /// To whom it would come too near then.
+    pub tight: Option<TrackId>,
     /// 1 on the road, less beyond its edge.
     pub drivable: f64,
     /// Whether it comes into a lane that is for others.
     pub oncoming: bool,
-    /// How much farther beside the line it ends (m).
+    /// How far beside the line it ends (m), how much farther than now, and how far it is at most.
+    pub beside: f64,
     pub aside: f64,
-    /// Whether it passes a red light.
+    pub farthest: f64,
+    /// Whether it passes a red light, or the line's end.
     pub red: bool,
     /// Along the line (m).
     pub progress: f64,
@@ -97,7 +114,7 @@ impl Verdict {
     /// Whether nothing is wrong with it in these futures.
     fn is_clean(&self, futures: usize) -> bool {
         let nobody = self.meetings[..futures].iter().all(|meeting| meeting.contact.is_none());
-        nobody && self.drivable > OFF_ROAD && !self.red && self.unsaved.is_none()
+        nobody && self.drivable > OFF_ROAD && self.farthest <= FARTHEST && !self.red && self.unsaved.is_none()
     }
 
     /// Its score in a future, where the best progress is `most` (m).
@@ -117,7 +134,10 @@ impl Verdict {
             * self.drivable
             * if self.red { 0.0 } else { 1.0 }
             * if self.oncoming { ONCOMING } else { 1.0 }
+            * if self.farthest > FARTHEST { OFF_ROUTE } else { 1.0 }
             * (1.0 - ASIDE * self.aside)
+            * (1.0 - BESIDE * (self.beside - ON_THE_LINE).max(0.0))
+            * if self.tight.is_some() { TIGHT } else { 1.0 }
             * if self.unsaved.is_some() { UNSAVED } else { 1.0 };
         let (for_progress, for_time, for_comfort) = WEIGHTS;
         let weighted = for_progress * progress + for_time * close + for_comfort * self.comfort;
@@ -148,29 +168,42 @@ pub struct Court<'a> {
     pub wheelbase: f64,
     /// Stations of red lights (m).
     pub red: &'a [f64],
-    /// What was driven, the latest last, and whether that is all.
+    /// Station of the line's end (m), where it is seen.
+    pub end: Option<f64>,
+    /// What was driven, the latest last, whether that is all, and the yaw rate (rad/s) before it.
     pub past: &'a [Ride],
     pub begins: bool,
+    pub turning: f64,
     pub filters: &'a Filters,
 }
 
 impl Court<'_> {
     /// Judges a proposal.
     pub fn judge(&self, rollout: &Rollout, against: &mut Against) -> Verdict {
+        let beside = |k: usize| rollout.places[k].lateral.abs();
         Verdict {
             meetings: self.meet(rollout),
             unsaved: None,
+            tight: None,
             drivable: self.drivable(rollout),
             oncoming: self.oncoming(rollout, against),
-            aside: self.aside(rollout),
+            beside: beside(JUDGED * LOOK_STEPS),
+            aside: (beside(JUDGED * LOOK_STEPS) - beside(0)).max(0.0),
+            farthest: (1..=JUDGED * LOOK_STEPS).map(beside).fold(0.0, f64::max),
             red: self.passes_red(rollout),
             progress: rollout.places[JUDGED * LOOK_STEPS].station - rollout.places[0].station,
             comfort: self.comfort(rollout),
         }
     }
 
-    /// Whom a proposal that brakes after [`REACTION`] would hit if those ahead braked now.
-    pub fn unsaved(&self, fallback: &Rollout) -> Option<TrackId> {
+    /// To whom a proposal that brakes after [`REACTION`] would come too near if those ahead braked now, and whom it would hit.
+    pub fn brakes_late(&self, fallback: &Rollout) -> (Option<TrackId>, Option<TrackId>) {
+        let tight = self.brakes_within(fallback, GAP.0 + GAP.1 * fallback.states[0].speed);
+        (tight, tight.and_then(|_| self.brakes_within(fallback, 0.0)))
+    }
+
+    /// Who is nearer than such a gap (m) then.
+    fn brakes_within(&self, fallback: &Rollout, gap: f64) -> Option<TrackId> {
         let begun = fallback.places[0].station;
         let ahead = |other: &&Other| {
             let now = &self.company.places(other, 0)[0];
@@ -186,7 +219,7 @@ impl Court<'_> {
                     return None;
                 }
                 let there = self.company.braking(other, look, SUDDEN_BRAKING);
-                let hits = boxes_overlap(&body.outline, &there.outline);
+                let hits = boxes_overlap(&body.outline, &grown(&there.outline, gap, 0.0));
                 let at_fault = || is_at_fault(classify(&body, self.wheelbase, &agent(other, &there)), true);
                 (hits && at_fault()).then_some(other.track)
             })
@@ -213,7 +246,7 @@ impl Court<'_> {
                 for (future, meeting) in meetings[..futures].iter_mut().enumerate() {
                     let there = &self.company.places(other, future)[look];
                     // As far as both come within the time to collision that counts.
-                    let reach = body.outline.radius() + other.radius + body.speed + there.speed;
+                    let reach = body.outline.radius() + other.radius + TIME_TO_COLLISION * (body.speed + there.speed);
                     let near = body.outline.center.distance_squared(there.outline.center) <= reach * reach;
                     if near && meeting.contact.is_none() {
                         self.meet_one(&body, other, there, look, meeting);
@@ -239,7 +272,7 @@ impl Court<'_> {
             meeting.contact = Some(hit);
         } else if body.speed > STANDING_SPEED
             && !is_behind(body, self.wheelbase, there.outline.center)
-            && time_to_collision(body, &agent).is_some_and(|time| time < LEAST_TIME_TO_COLLISION)
+            && time_to_collision(body, &agent).is_some_and(|time| time < TIME_TO_COLLISION)
         {
             meeting.close.get_or_insert(hit);
             meeting.close_looks += usize::from(meeting.last_close != look);
@@ -288,28 +321,24 @@ impl Court<'_> {
         (1..=JUDGED * LOOK_STEPS / EVERY).any(|k| is_at(k * EVERY)) && !is_at(0)
     }
 
-    fn aside(&self, rollout: &Rollout) -> f64 {
-        let beside = |k: usize| rollout.places[k].lateral.abs();
-        (beside(JUDGED * LOOK_STEPS) - beside(0)).max(0.0)
-    }
-
+    /// Whether it passes a red light, or the line's end.
     fn passes_red(&self, rollout: &Rollout) -> bool {
         let half = 0.5 * self.av.length;
         let (from, to) = (rollout.places[0].station + half, rollout.places[PLAN_STEPS].station + half);
-        self.red.iter().any(|stop| from < *stop && *stop <= to)
+        self.red.iter().chain(&self.end).any(|stop| from < *stop && *stop <= to)
     }
 
     /// As nuPlan's bounds have it.
     fn comfort(&self, rollout: &Rollout) -> f64 {
         /// A bound that is not kept costs this factor, and what is beyond the more.
-        const UNCOMFORTABLE: f64 = 0.7;
+        const UNCOMFORTABLE: f64 = 0.4;
         let mut read = [0.0; PAST + AHEAD];
         let center = rear_axle_to_center(self.wheelbase);
         let mut count = 0;
-        let mut before = None;
+        let mut before = self.turning;
         let mut sharpest: f64 = 0.0;
         let mut feel = |ride: Ride| {
-            let last = before.replace(ride.yaw_rate).unwrap_or(ride.yaw_rate);
+            let last = std::mem::replace(&mut before, ride.yaw_rate);
             read[count] = ride.nuplan(last, center).acceleration;
             count += 1;
             (ride.yaw_rate - last).abs() / STEP_SECONDS
@@ -329,9 +358,9 @@ impl Court<'_> {
         let jerk = jerk.1.max(-jerk.0);
         // Somewhat within the metric's bounds: what is driven in the end is another plan's.
         let over = |value: f64, bound: f64, scale: f64| ((value - bound) / scale).max(0.0);
-        let excess = over(jerk, LONGITUDINAL_JERK - 0.23, 4.0)
+        let excess = over(jerk, LONGITUDINAL_JERK - 0.4, 4.0)
             + over(-least, -LONGITUDINAL_ACCELERATION.0 - 0.15, 2.0)
-            + over(most, LONGITUDINAL_ACCELERATION.1 - 0.15, 1.0)
+            + over(most, LONGITUDINAL_ACCELERATION.1 - 0.3, 1.0)
             + over(sharpest, YAW_ACCELERATION_BOUND - 0.13, 1.0);
         (1.0 - excess).max(0.0) * if excess > 0.0 { UNCOMFORTABLE } else { 1.0 }
     }
@@ -379,8 +408,11 @@ mod tests {
     const CLEAN: Verdict = Verdict {
         meetings: [Meeting { contact: None, close: None, close_looks: 0, last_close: 0 }; FUTURES],
         unsaved: None,
+        tight: None,
         oncoming: false,
+        beside: 0.0,
         aside: 0.0,
+        farthest: 0.0,
         drivable: 1.0,
         red: false,
         progress: 20.0,
@@ -429,6 +461,22 @@ mod tests {
     }
 
     #[test]
+    fn what_is_wrong_is_worth_less_the_worse_it_is() {
+        let tight = Verdict { tight: Some(TrackId(2)), ..CLEAN };
+        let all = [
+            CLEAN,
+            Verdict { beside: 1.0, farthest: 1.0, ..CLEAN },
+            Verdict { beside: 3.0, farthest: 3.0, ..CLEAN },
+            Verdict { oncoming: true, ..CLEAN },
+            tight,
+            Verdict { unsaved: tight.tight, ..tight },
+            Verdict { beside: 4.5, farthest: 4.5, ..CLEAN },
+        ];
+        let worth = all.map(|verdict| verdict.score(0, 20.0));
+        assert!(worth.windows(2).all(|pair| pair[0] > pair[1]), "{worth:?}");
+    }
+
+    #[test]
     fn progress_with_which_something_is_wrong_is_no_measure() {
         let mut touches = Verdict { progress: 60.0, ..CLEAN };
         touches.meetings[1].contact = hit(8, 2.0);
@@ -438,6 +486,7 @@ mod tests {
             Verdict { progress: 50.0, red: true, ..CLEAN },
             Verdict { progress: 50.0, unsaved: Some(TrackId(2)), ..CLEAN },
             Verdict { progress: 50.0, drivable: OFF_ROAD, ..CLEAN },
+            Verdict { progress: 50.0, farthest: 4.5, ..CLEAN },
         ];
         assert_eq!(most_progress(all.iter(), 2), 20.0);
         assert_eq!(most_progress(all.iter(), 1), 60.0, "the second future is not looked at");
