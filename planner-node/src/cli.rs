@@ -41,7 +41,8 @@ pub enum Command {
     },
     /// Say why the plan of a recorded step is what it is
     ///
-    /// The cost of each term over time, the neighbors that bind, and what the search would come to without each term.
+    /// The cost of each term over time, the neighbors that bind, and what the search would come to without each term. A plan of
+    /// proposals: what each proposal was worth, what is against it, and what keeps the AV from coming farther.
     Explain {
         /// The recording, an .mcap file
         recording: PathBuf,
@@ -49,7 +50,7 @@ pub enum Command {
         #[arg(long)]
         step: u32,
         /// Weights of the cost terms: hand-tuned, learned (they came with the prediction), or a TOML file; without it those of the
-        /// first two that the plan was made with
+        /// first two that the plan was made with. None for a plan of proposals
         #[arg(long, value_name = "WEIGHTS")]
         weights: Option<Weights>,
     },

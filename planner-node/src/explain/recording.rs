@@ -1,4 +1,4 @@
-//! One step of a recording: what was seen, what was expected, and what was planned.
+//! One step of a recording: what was seen, what was expected, and what was planned; and what a planner that remembers knew by then.
 
 use std::path::{Path, PathBuf};
 
@@ -8,6 +8,8 @@ use wire::convert::compact;
 use wire::proto;
 use world::observation::{Briefing, Observation};
 use world::plan::{Plan, Prediction, UncheckedPlan, UncheckedPrediction};
+
+use super::PlannerOfRun;
 
 /// A step as it was recorded.
 #[derive(Clone, Debug)]
@@ -20,9 +22,16 @@ pub struct RecordedStep {
     pub prediction: Option<Prediction>,
     /// What was planned.
     pub plan: Plan,
-    /// What the planner's command gave as `--weights`, if the run says so.
-    pub weights: Option<String>,
+    /// What was seen before, the oldest first: at most [`BEFORE`] steps, fewer where the recording is damaged.
+    pub before: Vec<Observation>,
+    /// What was planned at the step before.
+    pub last: Option<Plan>,
+    /// Who planned, as far as the run says so.
+    pub planner: PlannerOfRun,
 }
+
+/// The most steps that are read before the one asked for: 2.4 s, as far as any planner remembers.
+pub const BEFORE: u32 = 24;
 
 /// Why a recording's step cannot be told.
 #[derive(Debug, Error)]
@@ -118,13 +127,14 @@ pub fn step_of(bytes: &[u8], path: &Path, step: u32) -> Result<RecordedStep, Rec
     let mut reader = Reader::new(bytes).map_err(|why| RecordingError::NotMcap { path: path.to_owned(), why })?;
     let wrong = |topic, what| RecordingError::Message { path: path.to_owned(), topic, step, what };
     let (mut briefing, mut observation, mut prediction, mut plan) = (None, None, None, None);
-    let (mut weights, mut last, mut damage, mut is_cut_off) = (None, None, None, false);
+    let (mut before, mut planned_before) = (Vec::<Observation>::new(), None);
+    let (mut planner, mut last, mut damage, mut is_cut_off) = (PlannerOfRun::default(), None, None, false);
     while let Some(event) = reader.next() {
         let message = match event {
             Event::Message(message) => message,
             Event::Metadata { name: METADATA, entries } => {
                 let settings = entries.iter().find(|(key, _)| *key == METADATA_SETTINGS);
-                weights = settings.and_then(|(_, settings)| weights_of_run(settings));
+                planner = settings.map(|(_, settings)| PlannerOfRun::of(settings)).unwrap_or_default();
                 continue;
             }
             Event::Damage(Damage { fault: Fault::CutOff, .. }) => {
@@ -151,7 +161,13 @@ pub fn step_of(bytes: &[u8], path: &Path, step: u32) -> Result<RecordedStep, Rec
             // Without its scene it cannot be read, and the scene's absence is what is told.
             OBSERVATION => match briefing.as_ref().map(|briefing| observed(data, briefing)) {
                 None => {}
-                Some(Ok(seen)) => observation = observation.or(Some(seen).filter(|seen| seen.step == step)),
+                Some(Ok(seen)) if seen.step == step => observation = observation.or(Some(seen)),
+                Some(Ok(seen)) => {
+                    let is_next = before.last().is_none_or(|before| before.step < seen.step);
+                    if is_next && seen.step < step && step - seen.step <= BEFORE {
+                        before.push(seen);
+                    }
+                }
                 Some(Err(what)) => drop(damage.get_or_insert(misread(what))),
             },
             PREDICTION => match decoded::<proto::Prediction, UncheckedPrediction>(&compact::unpack(data)) {
@@ -168,6 +184,10 @@ pub fn step_of(bytes: &[u8], path: &Path, step: u32) -> Result<RecordedStep, Rec
                         plan = Some(planned.check(step).map_err(|e| wrong(PLAN, e.to_string()))?);
                         break;
                     }
+                    if planned.step + 1 == step {
+                        let number = planned.step;
+                        planned_before = planned.check(number).ok();
+                    }
                 }
                 Err(what) => drop(damage.get_or_insert(misread(what))),
             },
@@ -177,7 +197,7 @@ pub fn step_of(bytes: &[u8], path: &Path, step: u32) -> Result<RecordedStep, Rec
     let path = path.to_owned();
     match (briefing, observation, plan, damage) {
         (Some(briefing), Some(observation), Some(plan), _) => {
-            Ok(RecordedStep { briefing, observation, prediction, plan, weights })
+            Ok(RecordedStep { briefing, observation, prediction, plan, before, last: planned_before, planner })
         }
         (.., Some(first)) => Err(RecordingError::Damaged { path, step, last, first }),
         (None, ..) => Err(RecordingError::NoScene { path }),
@@ -187,14 +207,6 @@ pub fn step_of(bytes: &[u8], path: &Path, step: u32) -> Result<RecordedStep, Rec
             Err(RecordingError::Missing { path, topic, step, last })
         }
     }
-}
-
-/// What follows `--weights` in the planner's command, as the run's settings tell it.
-fn weights_of_run(settings: &str) -> Option<String> {
-    let run: toml::Table = settings.parse().ok()?;
-    let command = run.get("settings")?.get("planner")?.get("command")?.as_str()?;
-    let (_, after) = command.split_once("--weights")?;
-    Some(after.trim_start_matches('=').split_whitespace().next()?.to_owned())
 }
 
 /// The bytes of an observation of the episode of `briefing`.

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use gauss_newton::constants::HAND_TUNED;
+use gauss_newton::constants::{HAND_TUNED, Term};
 use mcap::{WriteOptions, Writer};
 use wire::proto;
 use world::observation::Observation;
-use world::plan::{Control, UncheckedPlan};
+use world::plan::{Control, UncheckedPlan, UncheckedPrediction};
 
 use super::*;
 use crate::gauss_newton_planner::Options;
@@ -68,6 +68,12 @@ fn explained_by(bytes: &[u8], step: u32, weights: Option<&Weights>) -> Result<Ex
     explain(&path, step, weights).map_err(text)
 }
 
+/// What its controls cost.
+fn costs(explanation: Explanation) -> Box<Costs> {
+    let Explanation::Costs(costs) = explanation else { panic!("{explanation}") };
+    costs
+}
+
 fn planned(road: &Road) -> UncheckedPlan {
     road.plan(Options::default()).unwrap()
 }
@@ -77,7 +83,7 @@ fn a_plan_is_costed_by_the_rules_of_its_protocol() {
     for protocol in ["paper", "strict"] {
         let road = Road::new(0.4, 8.0, protocol).with_standing_car(12.0);
         let plan = planned(&road);
-        let explanation = explained(&recording(&road, true, &plan), 1).unwrap();
+        let explanation = costs(explained(&recording(&road, true, &plan), 1).unwrap());
         for ((term, _, whole), (name, objective)) in explanation.terms.iter().zip(&plan.diagnostics.objective) {
             assert_eq!(term.name(), name);
             // What is planned is within the limits here: nothing was cut before it was recorded.
@@ -104,7 +110,7 @@ fn a_plan_of_other_weights_is_not_explained_by_the_hand_tuned_ones() {
             error,
             "step 0: the plan was not made with the hand-tuned weights: speed 0.3000, not 0.1000\nhint: give the weights of its run by --weights FILE"
         );
-        let explanation = explained_by(&bytes, 0, Some(&given)).unwrap();
+        let explanation = costs(explained_by(&bytes, 0, Some(&given)).unwrap());
         assert_eq!((explanation.weights, explanation.doubt), (weights, None));
         let text = explained_by(&bytes, 0, Some(&Weights::HandTuned)).unwrap().to_string();
         let doubt = "\nthe plan was not made with the given weights: speed 0.3000, not 0.1000\n";
@@ -126,7 +132,7 @@ fn the_weights_that_the_run_names_are_taken() {
     let run = format!("[settings.planner]\ncommand = {command:?}\n");
     let bytes = recording_with(WriteOptions::new().use_chunks(false), &road, true, &plan, Some(&run));
     // Nobody is near: what the plan told shows nothing of this weight.
-    assert_eq!(explained(&bytes, 0).unwrap().weights, weights);
+    assert_eq!(costs(explained(&bytes, 0).unwrap()).weights, weights);
     std::fs::remove_file(&file).unwrap();
     let error = explained(&bytes, 0).unwrap_err();
     let file = file.display();
@@ -142,7 +148,7 @@ fn the_weights_that_came_with_the_prediction_are_found() {
     road.prediction.cost_weights = weights.to_vec();
     for (whose, wanted) in [(Weights::Learned, weights), (Weights::HandTuned, HAND_TUNED)] {
         let plan = road.plan(Options { weights: whose, ..Options::default() }).unwrap();
-        assert_eq!(explained(&recording(&road, true, &plan), 0).unwrap().weights, wanted);
+        assert_eq!(costs(explained(&recording(&road, true, &plan), 0).unwrap()).weights, wanted);
     }
 }
 

@@ -268,19 +268,19 @@ mod tests {
                 places.windows(2).map(|pair| pair[0].outline.center.distance(pair[1].outline.center)).sum()
             };
             let start = places[0].outline.center;
-            let mut before = start;
+            let (mut before, mut stood) = (start, false);
             for look in 0..LOOKS {
                 let there = company.braking(&other, look, 5.0);
                 let seconds = (look * LOOK_STEPS) as f64 * STEP_SECONDS;
                 let driven = 0.5 * speed * speed / 5.0;
                 prop_assert!(there.outline.center.distance(start) <= lengths(&places[..=look]).min(driven) + 1e-9);
                 prop_assert!((there.speed - (speed - 5.0 * seconds).max(0.0)).abs() < 1e-9);
-                if there.speed == 0.0 && look > 1 {
+                if stood {
                     // Where it stands it stays, as far as the way went then.
                     let further = there.outline.center.distance(before);
                     prop_assert!(further <= lengths(&places[look - 1..=look]) + 1e-9);
                 }
-                before = there.outline.center;
+                (before, stood) = (there.outline.center, there.speed == 0.0);
             }
             prop_assert_eq!(company.braking(&other, LOOKS - 1, 5.0).speed, 0.0);
         }

@@ -18,7 +18,7 @@
 //! The idea of scoring proposals of IDM in a simulation is that of PDM-Closed (Dauner et al., "Parting with Misconceptions about Learning-based
 //! Vehicle Motion Planning", CoRL 2023).
 
-mod company;
+pub(crate) mod company;
 mod policy;
 mod refine;
 mod ride;
@@ -26,15 +26,15 @@ mod rollout;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests;
-mod trial;
+pub(crate) mod trial;
 
 use episode::judges::lanes::{Against, Lanes};
 use episode::judges::level::Level;
 use episode::judges::road::RoadEdges;
 use episode::metrics::comfort::Ride;
-use wire::node::{Planner, PlannerFactory, StepInput};
-use world::observation::Briefing;
-use world::plan::{Control, Diagnostics, PLAN_STEPS, PlanState, UncheckedPlan};
+use wire::node::{History, Planner, PlannerFactory, StepInput};
+use world::observation::{Briefing, Observation};
+use world::plan::{Control, Diagnostics, PLAN_STEPS, Plan, PlanState, UncheckedPlan};
 
 use company::{Company, FUTURES, likeliest};
 use policy::{FALLBACK, POLICIES, SECOND_THOUGHTS};
@@ -72,6 +72,11 @@ pub struct Options {
     pub refine: u8,
 }
 
+impl Options {
+    /// How many proposals may be refined.
+    pub const REFINE: std::ops::RangeInclusive<u8> = 0..=8;
+}
+
 impl Default for Options {
     fn default() -> Self {
         Self { contingency: Contingency::default(), refine: REFINED }
@@ -101,10 +106,30 @@ pub(crate) struct Candidate {
     pub rollout: Rollout,
     pub verdict: Verdict,
     /// The same in each future where it has second thoughts after the first second; only where futures differ.
-    after: Option<Verdict>,
+    pub after: Option<Verdict>,
     pub score: f64,
     /// Its place before the best came first.
     order: usize,
+}
+
+impl Candidate {
+    /// What it is worth in a future where the best progress is `most` (m), and whether by being given up after the first second.
+    pub fn worth(&self, future: usize, most: f64) -> (f64, bool) {
+        let hoped = self.verdict.score(future, most);
+        let after = self.after.map_or(f64::NEG_INFINITY, |after| after.score(future, most));
+        (hoped.max(after), after > hoped)
+    }
+}
+
+/// What proposals are called that are no policy's: the last plan, a refined one, and those of the predictor's futures.
+const LAST: &str = "last";
+const IMPROVED: &str = "refined";
+const OF_FUTURES: [&str; FUTURES] = ["network 1", "network 2", "network 3"];
+
+/// Whether a proposal is called so.
+pub(crate) fn is_name(name: &str) -> bool {
+    let others = [LAST, IMPROVED].into_iter().chain(OF_FUTURES);
+    POLICIES.iter().map(|policy| policy.name).chain(others).any(|proposal| proposal == name)
 }
 
 /// The planner in one episode. Buffers are kept from step to step.
@@ -155,6 +180,33 @@ impl Drive {
             turning: 0.0,
             refinery: Refinery::new(briefing),
         }
+    }
+
+    /// A planner that has seen `before`, the oldest first, and planned `last`.
+    pub(crate) fn remembering(
+        options: Options,
+        briefing: &Briefing,
+        before: &[Observation],
+        last: Option<&Plan>,
+    ) -> Self {
+        let mut drive = Self::new(options, briefing);
+        let history = History::new(briefing);
+        for observation in before {
+            drive.remember(&StepInput { briefing, observation, history: &history, prediction: None });
+        }
+        drive.last = last.and_then(Plan::controls).and_then(|controls| controls.try_into().ok());
+        drive
+    }
+
+    /// The probability of each future that was looked at.
+    pub(crate) fn probabilities(&self) -> &[f64] {
+        self.company.probabilities()
+    }
+
+    /// The progress (m) that counts as all of it.
+    pub(crate) fn most(&self) -> f64 {
+        let verdicts = self.candidates.iter().map(|candidate| &candidate.verdict);
+        most_progress(verdicts, self.probabilities().len())
     }
 
     /// All that was tried at this step, the best first.
@@ -216,10 +268,10 @@ impl Drive {
             candidate
         };
         if let Some(last) = self.last {
-            self.candidates.push(propose("last", &mut last[1..].iter().chain(last.last()).copied()));
+            self.candidates.push(propose(LAST, &mut last[1..].iter().chain(last.last()).copied()));
         }
         let told = likeliest(prediction, futures).into_iter().flatten().filter(|future| !future.controls.is_empty());
-        for (name, future) in ["network 1", "network 2", "network 3"].into_iter().zip(told) {
+        for (name, future) in OF_FUTURES.into_iter().zip(told) {
             self.candidates.push(propose(name, &mut future.controls.iter().copied()));
         }
         rank(&mut self.candidates, &self.company);
@@ -227,7 +279,7 @@ impl Drive {
         for index in 0..best {
             let from = &self.candidates[index].rollout;
             if let Some(mut controls) = self.refinery.refine(step, &road, from, branches) {
-                self.candidates.push(propose("refined", &mut controls));
+                self.candidates.push(propose(IMPROVED, &mut controls));
             }
         }
         if best > 0 {
@@ -286,11 +338,7 @@ fn rank(candidates: &mut [Candidate], company: &Company) {
     let most = most_progress(candidates.iter().map(|candidate| &candidate.verdict), probabilities.len());
     for (order, candidate) in candidates.iter_mut().enumerate() {
         candidate.order = order;
-        let in_future = |(future, probability): (usize, &f64)| {
-            let hoped = candidate.verdict.score(future, most);
-            let after = candidate.after.map_or(f64::NEG_INFINITY, |after| after.score(future, most));
-            probability * hoped.max(after)
-        };
+        let in_future = |(future, probability): (usize, &f64)| probability * candidate.worth(future, most).0;
         candidate.score = probabilities.iter().enumerate().map(in_future).sum();
     }
     candidates.sort_unstable_by(|a, b| b.score.total_cmp(&a.score).then(a.order.cmp(&b.order)));

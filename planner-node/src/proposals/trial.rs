@@ -48,18 +48,18 @@ const BRIEFLY_CLOSE: f64 = 0.4;
 
 /// Factors of a corner beyond the road's edge by nuPlan's tolerance, and by less; of what could not be saved if those ahead braked, and
 /// could without the gap that is wanted.
-const OFF_ROAD: f64 = 0.2;
+pub const OFF_ROAD: f64 = 0.2;
 const OVER_THE_EDGE: f64 = 0.95;
 const UNSAVED: f64 = 0.5;
 const TIGHT: f64 = 0.75;
 /// ... of a lane of oncoming traffic, and of what is almost off the route (m), which ends the drive.
 const ONCOMING: f64 = 0.8;
 const OFF_ROUTE: f64 = 0.1;
-const FARTHEST: f64 = 4.0;
+pub const FARTHEST: f64 = 4.0;
 /// What a metre farther beside the line costs, and a metre beside it beyond so much (m).
 const ASIDE: f64 = 0.005;
 const BESIDE: f64 = 0.01;
-const ON_THE_LINE: f64 = 0.3;
+pub const ON_THE_LINE: f64 = 0.3;
 
 /// nuPlan's weights of progress, time to collision and comfort.
 const WEIGHTS: (f64, f64, f64) = (5.0, 5.0, 2.0);

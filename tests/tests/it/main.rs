@@ -16,6 +16,7 @@
 //! | `nodes.rs` | nodes that die, stall or lie cost their own episode and nothing else |
 //! | `recorder.rs` | a recorder that dies costs recordings and no result |
 //! | `interrupt.rs` | Ctrl-C leaves nothing running |
+//! | `explain.rs` | a plan chosen among proposals is explained as it was driven, to the bit |
 //! | `future.rs` | no message holds a logged state later than its step |
 //! | `predictions.rs` | predictions are scored against what then happened |
 //! | `replay.rs` | `sim replay` finds what was driven the same, names what is not and who is to blame, and lets others take over |
@@ -40,6 +41,7 @@ mod browser;
 mod bus;
 mod check_node;
 mod demo;
+mod explain;
 mod future;
 mod healed;
 mod hosts;
