@@ -77,7 +77,7 @@ fn help_says_what_can_be_typed() {
     What to drive:
           --scenarios <PATH>...          Scenes, as PATH is; takes all that follows up to the next
                                          option
-          --driver <NAME>                Who drives [default: dipp] [possible values: idm, human,
+          --driver <NAME>                Who drives [default: proposals] [possible values: idm, human,
                                          constant-velocity, gn-ctrv, gn-oracle, proposals, contingency,
                                          dipp, sep, il-pred, il]
           --predictor <NAME>             Where predictions come from [default: what the driver wants]
