@@ -59,7 +59,7 @@ pub enum RequestError {
         "--motion playback puts the AV wherever the plan says: it is for the driver human, who was there\nhint: leave --motion out"
     )]
     Playback,
-    #[error("the driver {0} needs predictions\nhint: --predictor ctrv, oracle or network")]
+    #[error("the driver {0} needs predictions\nhint: --predictor ctra, ctrv, oracle or network")]
     NeedsPredictor(&'static str),
     #[error(
         "the driver {0} needs the predictor network: no other says where its plans begin\nhint: leave --predictor out, or take another driver, as --driver idm"
@@ -70,7 +70,7 @@ pub enum RequestError {
     )]
     NeedsWeights { name: &'static str, file: &'static str },
     #[error(
-        "--weights and --features are for the predictor network, and the driver {0} has another\nhint: --predictor network, or one of dipp, sep, il-pred, il"
+        "--weights and --features are for the predictor network, and the driver {0} has another\nhint: --driver dipp, sep, il-pred or il, or --predictor network"
     )]
     NoNetwork(String),
     #[error("cannot read the weights: {0}")]

@@ -335,7 +335,7 @@ fn what_makes_no_sense_is_refused_with_code_2_and_a_hint() {
     --- stdout
     --- stderr
     error: --weights and --features are for the predictor network, and the driver idm has another
-    hint: --predictor network, or one of dipp, sep, il-pred, il
+    hint: --driver dipp, sep, il-pred or il, or --predictor network
     ");
     insta::assert_snapshot!(sim(path, &["score", "."]), @"
     code 2

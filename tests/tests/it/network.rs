@@ -109,5 +109,5 @@ fn a_driver_without_its_weights_says_what_it_needs() {
     assert!(ended.err.contains("hint: --weights weights/il-pred.f16.safetensors"), "{}", ended.err);
     let other = stage.sim("run --driver idm --weights x.safetensors --out run");
     assert_eq!(other.code, Some(2));
-    assert!(other.err.contains("hint: --predictor network, or one of dipp, sep, il-pred, il"), "{}", other.err);
+    assert!(other.err.contains("hint: --driver dipp, sep, il-pred or il, or --predictor network"), "{}", other.err);
 }
