@@ -22,7 +22,7 @@ pub struct RecordedStep {
     pub prediction: Option<Prediction>,
     /// What was planned.
     pub plan: Plan,
-    /// What was seen before, the oldest first: at most [`BEFORE`] steps, fewer where the recording is damaged.
+    /// What was seen before, the oldest first: at most 24 steps, fewer where the recording is damaged.
     pub before: Vec<Observation>,
     /// What was planned at the step before.
     pub last: Option<Plan>,
