@@ -111,7 +111,7 @@ impl Rollout {
             state = rollout.step(driven, STEP_SECONDS);
             self.controls[k] = driven;
             self.states[k + 1] = state;
-            self.places[k + 1] = road.corridor.project(state.pose().position(), place.sample);
+            self.places[k + 1] = road.corridor.follow(state.pose().position(), place.sample);
         }
     }
 
@@ -128,7 +128,7 @@ impl Rollout {
             wheel = control.steering;
             self.controls[k] = control;
             self.states[k + 1] = rollout.step(control, STEP_SECONDS);
-            self.places[k + 1] = road.corridor.project(self.states[k + 1].pose().position(), self.places[k].sample);
+            self.places[k + 1] = road.corridor.follow(self.states[k + 1].pose().position(), self.places[k].sample);
         }
     }
 
