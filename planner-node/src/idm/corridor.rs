@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use world::geometry::{OrientedBox, Point, angle_difference};
-use world::reference_line::{ReferenceLine, ReferenceWindow, SAMPLES_BEHIND};
+use world::reference_line::{ReferenceLine, ReferenceWindow, SAMPLE_SPACING, SAMPLES_BEHIND};
 use world::scene::AgentState;
 
 use super::measured_line::MeasuredLine;
@@ -14,9 +14,6 @@ const CURVATURE_WINDOW: f64 = 1.5;
 
 /// As many samples.
 const CURVATURE_SAMPLES: usize = 15;
-
-/// From sample to sample (m), or nearly so.
-const SPACING: f64 = 0.1;
 
 /// Samples between those that a search looks at first (about 1 m).
 const COARSE: usize = 10;
@@ -279,7 +276,7 @@ impl Corridor {
         let last = self.len() - 1;
         // `as` holds it within the integers.
         let mut sample =
-            (from as f64 + offset.dot(self.direction(from)) / SPACING).round().clamp(0.0, last as f64) as usize;
+            (from as f64 + offset.dot(self.direction(from)) / SAMPLE_SPACING).round().clamp(0.0, last as f64) as usize;
         let mut distance = self.distance(sample, place);
         let mut walk = |forwards: bool| {
             loop {
