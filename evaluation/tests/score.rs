@@ -67,6 +67,7 @@ fn run_over(inputs: &[String], root: &Path, protocol: &str, finish: bool) -> Pat
             scenarios: inputs.to_vec(),
             planner_certificates: Vec::new(),
             zenoh_config: None,
+            shards: None,
         },
         scenes: entries.iter().enumerate().map(line).collect(),
     };

@@ -7,18 +7,20 @@
 //! steps.parquet, timing.parquet, results.parquet      written when all episodes are done
 //! digest             of these files; written last: a run with a digest is complete
 //! logs/              what the nodes said
-//! .lock              held while a sim works in it
+//! .lock, .begin      held while a sim works in it, see [`crate::hold`]
 //! ```
 
-use std::fs::{self, File};
+use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use shard::Shard;
 use thiserror::Error;
 
 use crate::digest::DIGEST;
 use crate::files::{self, FileError, at};
+use crate::hold::{self, Hold};
 use crate::part::Part;
 use crate::settings::{RunFile, SettingsError};
 
@@ -40,8 +42,15 @@ pub enum FolderError {
     NotARun(PathBuf),
     #[error("{} is there and no folder, but a run is one\nhint: give another name with --out", .0.display())]
     NotAFolder(PathBuf),
+    #[error("{} holds no run: there is no run.toml in it", .0.display())]
+    NoRun(PathBuf),
     #[error("{busy} {}\nhint: wait for it, or give another folder with --out", .0.display(), busy = BUSY)]
     Busy(PathBuf),
+    #[error("another sim drives shard {shard} of {}\nhint: wait for it, or see with `sim status` which shards nobody drives", path.display())]
+    BusyShard { shard: Shard, path: PathBuf },
+    #[error("{} is driven in {there} shards, not {here}\nhint: --shard I/{there}; when none of them is at work, another number can be taken",
+            path.display())]
+    OtherShards { path: PathBuf, there: u32, here: u32 },
     #[error("{} holds another run:\n  {}\nhint: repeat the command it was begun with, or give another folder with --out",
             path.display(), differences.join("\n  "))]
     OtherRun { path: PathBuf, differences: Vec<String> },
@@ -51,8 +60,10 @@ pub enum FolderError {
 #[derive(Debug)]
 pub struct Folder {
     path: PathBuf,
+    /// The scenes that are driven here, if not all.
+    shard: Option<Shard>,
     /// Held until the folder is dropped: two sims in one folder would take each other's parts for their own.
-    lock: Arc<File>,
+    hold: Arc<Hold>,
 }
 
 /// The SHA-256 of a run's scenes in their order, empty where there is none. They are read for that.
@@ -83,28 +94,69 @@ impl Folder {
     /// # Errors
     /// [`FolderError`] where it holds something else.
     pub fn open_with(path: &Path, file: &RunFile, hashes: Hashes<'_>) -> Result<Opened, FolderError> {
-        // Also a device: whoever says /dev/null wants no folder at all, and cannot have that.
-        if path.exists() && !path.is_dir() {
-            return Err(FolderError::NotAFolder(path.to_owned()));
-        }
-        fs::create_dir_all(path).map_err(at("create", path))?;
+        create(path)?;
         refuse_other_things(path)?;
-        let folder = Self::lock(path)?;
-        let Some(there) = read_run_file(path)? else {
-            folder.write_settings(file)?;
-            folder.create_subfolders()?;
-            return Ok(Opened::New(folder));
+        Self { path: path.to_owned(), shard: None, hold: Arc::new(Hold::whole(path)?) }.settle(file, hashes)
+    }
+
+    /// The same for one shard of the run, beside others. A run that was begun in another number of shards, or in none, is divided anew, if
+    /// nobody is at work on it.
+    ///
+    /// # Errors
+    /// [`FolderError`] where it holds something else.
+    pub fn open_shard(path: &Path, file: &RunFile, hashes: Hashes<'_>, shard: Shard) -> Result<Opened, FolderError> {
+        create(path)?;
+        let _beginning = hold::begin(path)?;
+        refuse_other_things(path)?;
+        let parts = path.join("parts");
+        fs::create_dir_all(&parts).map_err(at("create", &parts))?;
+        let hold = Hold::shard(path, shard)?;
+        if let Some(mut there) = read_run_file(path)?
+            && there.machine.shards.as_ref().map(|shards| shards.count) != Some(shard.of())
+            && there.differences(file).is_empty()
+        {
+            if !hold.is_alone() {
+                let there = there.machine.shards.map_or(1, |shards| shards.count);
+                return Err(FolderError::OtherShards { path: path.to_owned(), there, here: shard.of() });
+            }
+            there.machine.shards.clone_from(&file.machine.shards);
+            write_settings(path, &there)?;
+            hold.share(path)?;
+        }
+        Self { path: path.to_owned(), shard: Some(shard), hold: Arc::new(hold) }.settle(file, hashes)
+    }
+
+    /// The folder of a run that is there, and the run. Nobody works in it meanwhile.
+    ///
+    /// # Errors
+    /// [`FolderError`] where there is no run, or somebody works in it.
+    pub fn of_run(path: &Path) -> Result<(Self, RunFile), FolderError> {
+        let no_run = || FolderError::NoRun(path.to_owned());
+        read_run_file(path)?.ok_or_else(no_run)?;
+        let folder = Self { path: path.to_owned(), shard: None, hold: Arc::new(Hold::whole(path)?) };
+        let file = read_run_file(path)?.ok_or_else(no_run)?;
+        Ok((folder, file))
+    }
+
+    /// Begins the run `file` in this folder, or finds how far it is.
+    fn settle(self, file: &RunFile, hashes: Hashes<'_>) -> Result<Opened, FolderError> {
+        let Some(there) = read_run_file(&self.path)? else {
+            self.write_settings(file)?;
+            self.create_subfolders()?;
+            return Ok(Opened::New(self));
         };
         let differences = differences(&there, file, hashes);
         if !differences.is_empty() {
-            return Err(FolderError::OtherRun { path: path.to_owned(), differences });
+            return Err(FolderError::OtherRun { path: self.path, differences });
         }
-        if folder.is_finished() {
-            folder.remove_parts()?;
-            return Ok(Opened::Finished(folder));
+        if self.is_finished() {
+            if self.shard.is_none() {
+                self.remove_parts()?;
+            }
+            return Ok(Opened::Finished(self));
         }
-        folder.create_subfolders()?;
-        Ok(Opened::Unfinished(folder))
+        self.create_subfolders()?;
+        Ok(Opened::Unfinished(self))
     }
 
     /// The folder for the run `file` among `runs`: `DRIVER-PROTOCOL-N`, the last one if it is this very run and unfinished,
@@ -136,20 +188,16 @@ impl Folder {
         }
     }
 
-    fn lock(path: &Path) -> Result<Self, FolderError> {
-        let lock = path.join(".lock");
-        let file = File::create(&lock).map_err(at("create", &lock))?;
-        match file.try_lock() {
-            Ok(()) => Ok(Self { path: path.to_owned(), lock: Arc::new(file) }),
-            Err(fs::TryLockError::WouldBlock) => Err(FolderError::Busy(path.to_owned())),
-            Err(fs::TryLockError::Error(error)) => Err(at("lock", &lock)(error).into()),
-        }
+    /// The right to work there, for who holds it longer than the folder: until all of them are dropped no other sim does.
+    #[must_use]
+    pub fn hold(&self) -> Arc<Hold> {
+        Arc::clone(&self.hold)
     }
 
-    /// Its lock, for who holds it longer than the folder: until all of them are dropped no other sim works there.
+    /// The shard that is driven here; none where all scenes are.
     #[must_use]
-    pub fn lock_held(&self) -> Arc<File> {
-        Arc::clone(&self.lock)
+    pub fn shard(&self) -> Option<Shard> {
+        self.shard
     }
 
     /// Its path.
@@ -163,14 +211,20 @@ impl Folder {
     /// # Errors
     /// [`FileError`] where the disk fails.
     pub fn write_settings(&self, file: &RunFile) -> Result<(), FileError> {
-        let text = file.to_toml();
-        files::write_whole(&self.file("run.toml"), |out| out.write_all(text.as_bytes()))
+        write_settings(&self.path, file)
     }
 
     /// A file in it.
     #[must_use]
     pub fn file(&self, name: &str) -> PathBuf {
         self.path.join(name)
+    }
+
+    /// Where logs go: those of each shard apart.
+    #[must_use]
+    pub fn logs(&self) -> PathBuf {
+        let logs = self.file("logs");
+        self.shard.map_or_else(|| logs.clone(), |shard| logs.join(format!("shard-{}", shard.number())))
     }
 
     /// Where recordings go.
@@ -203,23 +257,18 @@ impl Folder {
         Ok(())
     }
 
-    fn part_path(&self, scene: &str) -> PathBuf {
-        part_path(&self.path, scene)
-    }
-
     /// The finished episode of `scene`, if there is one. A part that cannot be read is no part.
     ///
     /// # Errors
     /// [`FileError`] where the disk fails.
     pub fn part(&self, scene: &str) -> Result<Option<Part>, FileError> {
-        let bytes = files::read(&self.part_path(scene))?;
-        Ok(bytes.and_then(|bytes| Part::from_bytes(&bytes, scene)))
+        part_of(&self.path, scene)
     }
 
-    /// Whether there is a part of `scene` that cannot be read.
+    /// Whether there is a part of `scene`, be it damaged.
     #[must_use]
-    pub fn has_damaged_part(&self, scene: &str) -> bool {
-        self.part_path(scene).exists() && self.part(scene).is_ok_and(|part| part.is_none())
+    pub fn has_part(&self, scene: &str) -> bool {
+        stored(&self.path, scene).exists()
     }
 
     /// Stores a finished episode.
@@ -228,7 +277,7 @@ impl Folder {
     /// [`FileError`] where the disk fails.
     pub fn store(&self, scene: &str, part: &Part) -> Result<(), FileError> {
         let bytes = part.to_bytes();
-        files::write_whole(&self.part_path(scene), |out| out.write_all(&bytes))
+        files::write_whole(&stored(&self.path, scene), |out| out.write_all(&bytes))
     }
 
     /// Removes the parts of a complete run.
@@ -236,6 +285,7 @@ impl Folder {
     /// # Errors
     /// [`FileError`] where the disk fails.
     pub fn remove_parts(&self) -> Result<(), FileError> {
+        hold::end_of_beginnings(&self.path);
         let parts = self.file("parts");
         match fs::remove_dir_all(&parts) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(at("remove", &parts)(error)),
@@ -244,7 +294,21 @@ impl Folder {
     }
 }
 
-fn part_path(folder: &Path, scene: &str) -> PathBuf {
+fn create(path: &Path) -> Result<(), FolderError> {
+    // Also a device: whoever says /dev/null wants no folder at all, and cannot have that.
+    if path.exists() && !path.is_dir() {
+        return Err(FolderError::NotAFolder(path.to_owned()));
+    }
+    Ok(fs::create_dir_all(path).map_err(at("create", path))?)
+}
+
+fn write_settings(folder: &Path, file: &RunFile) -> Result<(), FileError> {
+    let text = file.to_toml();
+    files::write_whole(&folder.join("run.toml"), |out| out.write_all(text.as_bytes()))
+}
+
+/// Where the finished episode of `scene` is kept in `folder`.
+pub(crate) fn stored(folder: &Path, scene: &str) -> PathBuf {
     // A suffix of its own: a scene may be called `x.partial`, as an unfinished part of the scene `x` would be.
     folder.join("parts").join(format!("{scene}.part"))
 }
@@ -264,14 +328,6 @@ fn differences(there: &RunFile, file: &RunFile, hashes: Hashes<'_>) -> Vec<Strin
     there.differences(&file.with_hashes(now))
 }
 
-/// Whether a sim works in `folder` now.
-#[must_use]
-pub fn is_busy(folder: &Path) -> bool {
-    // Opened, not made: who looks leaves nothing.
-    let lock = File::open(folder.join(".lock"));
-    lock.is_ok_and(|lock| matches!(lock.try_lock_shared(), Err(fs::TryLockError::WouldBlock)))
-}
-
 /// The scenes of the run in `folder` whose episodes are stored, while it is not complete.
 #[must_use]
 pub fn scenes_of_parts(folder: &Path) -> Vec<String> {
@@ -283,30 +339,26 @@ pub fn scenes_of_parts(folder: &Path) -> Vec<String> {
 }
 
 /// The finished episode of `scene` in `folder`, while the run is not complete. A part that cannot be read is no part.
-#[must_use]
-pub fn part_of(folder: &Path, scene: &str) -> Option<Part> {
-    let bytes = files::read(&part_path(folder, scene)).ok()??;
-    Part::from_bytes(&bytes, scene)
+///
+/// # Errors
+/// [`FileError`] where the disk fails.
+pub fn part_of(folder: &Path, scene: &str) -> Result<Option<Part>, FileError> {
+    let bytes = files::read(&stored(folder, scene))?;
+    Ok(bytes.and_then(|bytes| Part::from_bytes(&bytes, scene)))
 }
 
-/// Removes what a run left in `folder` that ended before its first episode did. Whatever else is there stays, and so does the
-/// folder then.
-pub fn remove_if_nothing_is_done(folder: &Path) {
-    let is_part = |name: &str| name.ends_with(".part");
-    let parts = fs::read_dir(folder.join("parts"));
-    let any_part = parts.is_ok_and(|mut entries| {
-        entries.any(|entry| entry.is_ok_and(|entry| is_part(&entry.file_name().to_string_lossy())))
-    });
-    if any_part || folder.join("results.parquet").exists() {
+/// Removes what a run left in `folder` that ended before its first episode did, unless others are at work there. Whatever else is there stays,
+/// and so does the folder then.
+pub fn remove_if_nothing_is_done(folder: &Path, hold: &Hold) {
+    if !hold.is_alone() || !scenes_of_parts(folder).is_empty() || folder.join("results.parquet").exists() {
         return;
     }
     // Nothing of this may be there, and nothing can be done about what does not go.
     for name in ["parts", "episodes", "logs"] {
         let _ = fs::remove_dir_all(folder.join(name));
     }
-    for name in ["run.toml", ".lock"] {
-        let _ = fs::remove_file(folder.join(name));
-    }
+    let _ = fs::remove_file(folder.join("run.toml"));
+    hold::remove(folder);
     let _ = fs::remove_dir(folder);
 }
 
@@ -329,7 +381,7 @@ pub fn recording_of(folder: &Path, scene: &str) -> PathBuf {
 
 /// A folder without a run must be empty, but for what a sim leaves that is killed before it has written `run.toml`.
 fn refuse_other_things(path: &Path) -> Result<(), FolderError> {
-    let ours = |name: &str| matches!(name, "run.toml" | "run.toml.partial" | ".lock");
+    let ours = |name: &str| matches!(name, "run.toml" | "run.toml.partial") || hold::FILES.contains(&name);
     let mut entries = fs::read_dir(path).map_err(at("list", path))?;
     let other = entries.any(|entry| entry.is_ok_and(|entry| !ours(&entry.file_name().to_string_lossy())));
     if other && !path.join("run.toml").exists() { Err(FolderError::NotARun(path.to_owned())) } else { Ok(()) }
@@ -352,6 +404,7 @@ mod tests {
     use super::*;
     use crate::settings::SceneLine;
     use crate::settings::tests::run_file;
+    use crate::settings::Shards;
     use wire::proto::EpisodeEnd;
 
     fn patient(deadline_s: f64) -> RunFile {
@@ -427,23 +480,23 @@ mod tests {
     fn a_part_that_cannot_be_read_or_is_of_another_scene_is_no_part() {
         let root = tempfile::tempdir().unwrap();
         let Opened::New(folder) = Folder::open(root.path(), &run_file()).unwrap() else { panic!("it is new") };
-        fs::write(folder.part_path("a"), [0xff; 9]).unwrap();
+        fs::write(stored(folder.path(), "a"), [0xff; 9]).unwrap();
         assert_eq!(folder.part("a").unwrap(), None);
-        assert!(folder.has_damaged_part("a"));
+        assert!(folder.has_part("a"));
         folder.store("a", &part("b")).unwrap();
         assert_eq!(folder.part("a").unwrap(), None);
         folder.store("a", &part("a")).unwrap();
-        let mut bytes = fs::read(folder.part_path("a")).unwrap();
+        let mut bytes = fs::read(stored(folder.path(), "a")).unwrap();
         for at in 0..bytes.len() {
             bytes[at] ^= 0x10;
-            fs::write(folder.part_path("a"), &bytes).unwrap();
+            fs::write(stored(folder.path(), "a"), &bytes).unwrap();
             assert_eq!(folder.part("a").unwrap(), None, "byte {at}");
             bytes[at] ^= 0x10;
         }
         assert_eq!(scenes_of_parts(root.path()), ["a"]);
-        assert_eq!((part_of(root.path(), "a"), part_of(root.path(), "b")), (None, None));
+        assert_eq!((part_of(root.path(), "a").unwrap(), part_of(root.path(), "b").unwrap()), (None, None));
         assert_eq!(folder.part("never driven").unwrap(), None);
-        assert!(!folder.has_damaged_part("never driven"));
+        assert!(!folder.has_part("never driven"));
     }
 
     #[test]
@@ -464,9 +517,9 @@ mod tests {
         let path = root.path().join("run");
         let _held = Folder::open(&path, &run_file()).unwrap();
         assert!(matches!(Folder::open(&path, &run_file()), Err(FolderError::Busy(_))));
-        assert!(is_busy(&path));
+        assert!(hold::is_busy(&path));
         drop(_held);
-        assert!(!is_busy(&path) && !is_busy(&root.path().join("nowhere")));
+        assert!(!hold::is_busy(&path) && !hold::is_busy(&root.path().join("nowhere")));
         assert!(matches!(Folder::open(&path, &patient(1.0)), Err(FolderError::OtherRun { .. })));
         let diary = root.path().join("diary");
         fs::create_dir(&diary).unwrap();
@@ -481,21 +534,78 @@ mod tests {
     fn a_run_without_an_episode_leaves_nothing_and_nothing_else_is_touched() {
         let root = tempfile::tempdir().unwrap();
         let path = root.path().join("run");
-        drop(Folder::open(&path, &run_file()).unwrap());
-        remove_if_nothing_is_done(&path);
+        let new = || match Folder::open(&path, &run_file()).unwrap() {
+            Opened::New(folder) => folder,
+            other => panic!("it is new: {other:?}"),
+        };
+        remove_if_nothing_is_done(&path, &new().hold());
         assert!(!path.exists());
 
-        let Opened::New(folder) = Folder::open(&path, &run_file()).unwrap() else { panic!("it is new") };
+        let folder = new();
         fs::write(path.join("notes.txt"), "mine").unwrap();
-        remove_if_nothing_is_done(&path);
+        remove_if_nothing_is_done(&path, &folder.hold());
         assert!(path.join("notes.txt").exists() && !path.join("run.toml").exists());
 
         fs::remove_file(path.join("notes.txt")).unwrap();
         drop(folder);
-        let Opened::New(folder) = Folder::open(&path, &run_file()).unwrap() else { panic!("it is new") };
+        let folder = new();
         folder.store("a", &part("a")).unwrap();
-        remove_if_nothing_is_done(&path);
+        remove_if_nothing_is_done(&path, &folder.hold());
         assert_eq!(folder.part("a").unwrap(), Some(part("a")));
+    }
+
+    /// The run of three scenes, in so many shards.
+    fn sharded(of: u32) -> RunFile {
+        let mut file = run_file();
+        file.scenes = ["a", "b", "c"].map(|id| SceneLine { id: id.to_owned(), ..SceneLine::default() }).to_vec();
+        file.machine.shards = Some(Shards { count: of, sha256: file.identity(), command: Vec::new() });
+        file
+    }
+
+    fn open_shard(path: &Path, shard: &str) -> Result<Opened, FolderError> {
+        let shard: Shard = shard.parse().unwrap();
+        Folder::open_shard(path, &sharded(shard.of()), &Vec::new, shard)
+    }
+
+    #[test]
+    fn shards_are_at_work_side_by_side_each_once_and_nobody_else_is() {
+        let root = tempfile::tempdir().unwrap();
+        let path = root.path().join("run");
+        let Ok(Opened::New(_first)) = open_shard(&path, "1/2") else { panic!("it is new") };
+        let Ok(Opened::Unfinished(second)) = open_shard(&path, "2/2") else { panic!("the first began it") };
+        assert!(matches!(open_shard(&path, "2/2"), Err(FolderError::BusyShard { .. })));
+        assert!(matches!(open_shard(&path, "1/3"), Err(FolderError::OtherShards { there: 2, here: 3, .. })));
+        assert!(matches!(Folder::open(&path, &sharded(2)), Err(FolderError::Busy(_))));
+        assert!(matches!(Folder::of_run(&path), Err(FolderError::Busy(_))));
+        assert!(hold::is_at_work(&path, "2/2".parse().unwrap()));
+        drop(second);
+        assert!(!hold::is_at_work(&path, "2/2".parse().unwrap()));
+        assert!(open_shard(&path, "2/2").is_ok());
+    }
+
+    #[test]
+    fn a_run_is_divided_anew_when_nobody_is_at_work_on_it() {
+        let root = tempfile::tempdir().unwrap();
+        let path = root.path().join("run");
+        drop(Folder::open(&path, &sharded(2)).unwrap());
+        drop(open_shard(&path, "1/2").unwrap());
+        let _first = open_shard(&path, "1/3").unwrap();
+        let _other = open_shard(&path, "3/3").unwrap();
+        assert_eq!(read_run_file(&path).unwrap().unwrap().machine.shards.unwrap().count, 3);
+    }
+
+    #[test]
+    fn a_shard_that_does_nothing_leaves_nothing_if_it_is_the_last() {
+        let root = tempfile::tempdir().unwrap();
+        let path = root.path().join("run");
+        let (Ok(Opened::New(first)), Ok(Opened::Unfinished(second))) = (open_shard(&path, "1/2"), open_shard(&path, "2/2")) else {
+            panic!("both are at work")
+        };
+        remove_if_nothing_is_done(&path, &first.hold());
+        drop(first);
+        assert!(path.join("run.toml").exists());
+        remove_if_nothing_is_done(&path, &second.hold());
+        assert!(!path.exists());
     }
 
     #[test]

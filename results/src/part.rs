@@ -51,6 +51,9 @@ pub struct Part {
     /// Under a latency: what became of its plans.
     #[prost(message, optional, tag = "13")]
     pub plans: Option<Plans>,
+    /// Which run it is of, see [`crate::settings::RunFile::identity`].
+    #[prost(string, tag = "14")]
+    pub run_sha256: String,
 }
 
 /// The plans of an episode under a latency.

@@ -10,8 +10,10 @@ use clap::ValueEnum;
 use episode::latency::Latency;
 use episode::protocol::Protocol;
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 use thiserror::Error;
 
+use crate::files::hexadecimal;
 use crate::version;
 
 /// `run.toml`.
@@ -200,6 +202,21 @@ pub struct Machine {
     /// The user's Zenoh configuration, if there was one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub zenoh_config: Option<ZenohConfig>,
+    /// In which shards it is driven, if it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shards: Option<Shards>,
+}
+
+/// What pins a run that is driven in shards.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Shards {
+    /// How many there are.
+    pub count: u32,
+    /// [`RunFile::identity`] as the run was begun; every episode has it too.
+    pub sha256: String,
+    /// What was typed, but for which shard: who drives what is missing types it again.
+    pub command: Vec<String>,
 }
 
 /// A Zenoh configuration that was used. What it says stays where it is: there may be secrets.
@@ -264,6 +281,17 @@ impl RunFile {
             build: &'a Build,
         }
         toml::to_string(&Recorded { settings: &self.settings, build: &self.build }).unwrap_or_default()
+    }
+
+    /// What makes it this run and no other: SHA-256 of its settings, its build and the names of its scenes, in hexadecimal digits. Each episode
+    /// has it, so that those of another run are not taken for its own.
+    #[must_use]
+    pub fn identity(&self) -> String {
+        let mut hash = Sha256::new();
+        hash.update(self.to_recorded_toml());
+        // No name has a line's end in it.
+        self.scenes.iter().for_each(|line| hash.update(format!("\n{}", line.id)));
+        hexadecimal(&hash.finalize())
     }
 
     /// The same once its scenes were read: with their SHA-256, in their order.
@@ -355,6 +383,7 @@ pub(crate) mod tests {
                 scenarios: Vec::new(),
                 planner_certificates: Vec::new(),
                 zenoh_config: None,
+                shards: None,
             },
             scenes: vec![SceneLine { id: "a".to_owned(), sha256: "00".to_owned(), fingerprint: None }],
         }

@@ -26,6 +26,7 @@ use evaluation::open_loop::{Definitions, table};
 use evaluation::table::TableFormat;
 use results::drivers::{self, DRIVERS, MotionName, Predictor};
 use results::settings::Record;
+use shard::ShardChoice;
 
 pub use again::{BlameArgs, ForkArgs, ReplayArgs};
 pub use check::{CheckFormat, CheckNodeArgs};
@@ -59,6 +60,14 @@ pub enum Command {
     /// The paper's Table I: a line a driver and one of the human; docs/open-loop.md defines each figure. Exits with 1 when a driver had
     /// no plan at some frame.
     Evaluate(Box<EvaluateArgs>),
+    /// Make runs of what shards have driven
+    ///
+    /// Nothing may be missing, and all must be of one run by one build. The files are the bytes of a run that one process drove. docs/shards.md tells of shards.
+    Merge(MergeArgs),
+    /// Say what a run would take in time, memory and room, from a sample of its episodes
+    ///
+    /// Takes the options of `sim run`, and drives the sample as they say, into a folder that goes again.
+    Plan(Box<PlanArgs>),
     /// Print the tables of finished runs
     Table(TableArgs),
     /// Compare two finished runs: what flipped, what moved, what may be chance
@@ -108,7 +117,9 @@ pub enum Command {
     Serve(ServeArgs),
     /// Have a service drive a run
     Submit(Box<SubmitArgs>),
-    /// Say how the runs of a service are, or what it offers
+    /// Say how far a run in a folder is, or how the runs of a service are, or what that offers
+    ///
+    /// Of a run in a folder: what is missing or failed, shard by shard, and the commands that drive it. Exits with 1 where anything is.
     Status(StatusArgs),
     /// Show how a run of a service goes, and its table at the end
     Watch(WatchArgs),
@@ -132,6 +143,7 @@ impl Command {
         match self {
             Self::Run(arguments) => !arguments.in_process,
             Self::Matrix(arguments) => !arguments.in_process,
+            Self::Plan(arguments) => !arguments.run.in_process,
             Self::Evaluate(arguments) => !arguments.in_process,
             Self::Replay(arguments) => !arguments.in_process && (arguments.live || arguments.from.is_some()),
             Self::Blame(arguments) => !arguments.in_process,
@@ -220,6 +232,11 @@ pub struct RunArgs {
     #[arg(long, value_name = "DIR", help_heading = "How to run")]
     pub out: Option<PathBuf>,
 
+    /// Drive a share of the scenes, the I-th of N, beside other processes in the same --out; `sim merge` then makes it a run (docs/shards.md).
+    /// auto or auto/N: as HyperQueue, Slurm or Kubernetes says
+    #[arg(long, value_name = "I/N", requires = "out", help_heading = "How to run")]
+    pub shard: Option<ShardChoice>,
+
     /// Drive episodes of this run again: those that failed, those whose recording is not whole, or failed,unrecorded
     #[arg(long, value_enum, value_name = "WHICH", value_delimiter = ',', help_heading = "How to run")]
     pub retry: Vec<Retry>,
@@ -299,6 +316,7 @@ impl RunArgs {
             motion: None,
             latency: None,
             out: None,
+            shard: None,
             retry: Vec::new(),
             verify: false,
             parallel: None,
@@ -314,6 +332,31 @@ impl RunArgs {
             exit_with_parent: false,
         }
     }
+}
+
+/// `sim merge`.
+#[derive(Debug, Args)]
+pub struct MergeArgs {
+    /// Folders of runs that were driven in shards
+    #[arg(value_name = "RUN", required = true)]
+    pub runs: Vec<PathBuf>,
+    /// Other folders with shards of the same run, where they had none in common: their episodes are copied into RUN first
+    #[arg(long, value_name = "DIR", num_args = 1..)]
+    pub from: Vec<PathBuf>,
+}
+
+/// `sim plan`.
+#[derive(Debug, Args)]
+pub struct PlanArgs {
+    /// What each of so many shards would take, as 16,100,1000 [default: 1, 2, 4 ... 128]
+    #[arg(long, value_name = "N", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..), help_heading = "What to say")]
+    pub shards: Vec<u32>,
+    /// Episodes that are driven for it, spread evenly over the list
+    #[arg(long, value_name = "N", default_value = "24", value_parser = clap::value_parser!(u32).range(1..), help_heading = "What to say")]
+    pub sample: u32,
+    /// What is driven, and how.
+    #[command(flatten)]
+    pub run: RunArgs,
 }
 
 /// `sim matrix`.
@@ -360,6 +403,11 @@ pub struct MatrixArgs {
     /// Which episodes to keep a recording of
     #[arg(long, value_enum, default_value_t = Record::None, help_heading = "How to run")]
     pub record: Record,
+
+    /// Drive a share of the scenes, the I-th of N, beside other processes in the same --out; `sim merge` then makes it a run (docs/shards.md).
+    /// auto or auto/N: as HyperQueue, Slurm or Kubernetes says
+    #[arg(long, value_name = "I/N", help_heading = "How to run")]
+    pub shard: Option<ShardChoice>,
 
     /// Drive episodes again, as for `sim run`
     #[arg(long, value_enum, value_name = "WHICH", value_delimiter = ',', help_heading = "How to run")]

@@ -12,6 +12,7 @@
 //! | [`replay`] | recorded episodes driven again |
 //! | [`report`], [`render`] | finished runs as a page, drives as pictures and clips |
 //! | [`serve`], [`client`] | a service that drives what others ask for, and who asks it |
+//! | [`shards`] | a run that several processes drive together |
 //! | [`run`] | many episodes: workers, nodes, the bus, interrupts |
 //! | [`evaluate`] | drivers side by side on frames of the log |
 //! | [`verify`](mod@verify) | the protocol `paper` beside the authors' own numbers |
@@ -32,5 +33,6 @@ pub mod report;
 pub mod request;
 pub mod run;
 pub mod serve;
+pub mod shards;
 pub mod side_by_side;
 pub mod verify;

@@ -20,7 +20,7 @@ use results::files;
 use results::summary::{Summary, SummaryError};
 use sim::cli::{
     BlameArgs, CancelArgs, CheckFormat, CheckNodeArgs, Cli, Command, CompareArgs, EvaluateArgs, MatrixArgs,
-    PredictionsArgs, RenderArgs, ReplayArgs, ReportArgs, RunArgs, ScoreArgs, ServeArgs, SessionArgs, StatusArgs,
+    MergeArgs, PlanArgs, PredictionsArgs, RenderArgs, ReplayArgs, ReportArgs, RunArgs, ScoreArgs, ServeArgs, SessionArgs, StatusArgs,
     SubmitArgs, TableArgs, ValidityArgs, VerifyArgs, WatchArgs,
 };
 use sim::client::watch::Watched;
@@ -35,7 +35,8 @@ use sim::run::clock::{Clock, WallClock};
 use sim::run::console::Console;
 use sim::run::interrupt::{INTERRUPTED, Interrupts};
 use sim::run::refusals::Refusals;
-use sim::run::{self, RunError};
+use sim::run::{self, Done, RunError, ShardDone};
+use sim::shards::{merge, plan, status};
 use sim::side_by_side;
 use sim::verify::verify;
 use sim::{render, report};
@@ -56,6 +57,8 @@ fn main() -> ExitCode {
         Command::Run(arguments) => drive(*arguments, clock, &console),
         Command::Matrix(arguments) => drive_matrix(&arguments, clock, &console),
         Command::Evaluate(arguments) => evaluate(*arguments, clock, &console),
+        Command::Merge(arguments) => merge_shards(&arguments, &console),
+        Command::Plan(arguments) => print_plan(*arguments, clock, &console),
         Command::Table(arguments) => print_tables(&arguments, &console),
         Command::Compare(arguments) => print_comparison(&arguments, &console),
         Command::Score(arguments) => print_scores(&arguments),
@@ -107,11 +110,44 @@ fn drive(arguments: RunArgs, clock: WallClock, console: &Console) -> anyhow::Res
         interrupts.leave_with_standard_input();
     }
     let done = run::run(&request, clock, console, &interrupts)?;
-    let code = print_run(&done.folder)?;
+    let code = print_done(&done)?;
     if request.timing {
         console.line(&done.breakdown.lines(clock.now().as_secs_f64()));
     }
     Ok(code)
+}
+
+/// Prints what was driven: a run, or a shard of one.
+fn print_done(done: &Done) -> anyhow::Result<ExitCode> {
+    let Some(ShardDone { shard, episodes, failures }) = &done.shard else { return print_run(&done.folder) };
+    let (folder, failed) = (done.folder.display(), failures.len());
+    terminal::say(&format!("shard {shard} of {folder} is whole: {episodes} episodes, {failed} failed\n"))?;
+    Ok(if failures.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// Makes runs of shards, and prints them.
+fn merge_shards(arguments: &MergeArgs, console: &Console) -> anyhow::Result<ExitCode> {
+    if arguments.runs.len() > 1 && !arguments.from.is_empty() {
+        anyhow::bail!("--from is for one run\nhint: merge them one after the other");
+    }
+    let mut code = ExitCode::SUCCESS;
+    for run in &arguments.runs {
+        merge::merge(run, &arguments.from, console)?;
+        let printed = print_run(run)?;
+        if printed != ExitCode::SUCCESS {
+            code = printed;
+        }
+    }
+    Ok(code)
+}
+
+/// Prints what a run would take.
+fn print_plan(arguments: PlanArgs, clock: WallClock, console: &Console) -> anyhow::Result<ExitCode> {
+    let PlanArgs { shards, sample, run } = arguments;
+    let request = Request::resolve(run, cores())?;
+    let interrupts = Interrupts::catch()?;
+    terminal::say(&plan::plan(&request, (sample as usize, &shards), clock, console, &interrupts)?)?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Prints the run that was driven, and where it is.
@@ -131,8 +167,12 @@ fn cores() -> u16 {
 fn drive_matrix(arguments: &MatrixArgs, clock: WallClock, console: &Console) -> anyhow::Result<ExitCode> {
     let requests = matrix::requests(arguments, cores())?;
     let interrupts = Interrupts::catch()?;
-    let folders = matrix::drive(&requests, clock, console, &interrupts)?;
-    let runs = folders.iter().map(|folder| Summary::read(folder)).collect::<Result<Vec<Summary>, _>>()?;
+    let driven = matrix::drive(&requests, clock, console, &interrupts)?;
+    if driven.iter().any(|done| done.shard.is_some()) {
+        let codes = driven.iter().map(print_done).collect::<Result<Vec<_>, _>>()?;
+        return Ok(codes.into_iter().find(|code| *code != ExitCode::SUCCESS).unwrap_or(ExitCode::SUCCESS));
+    }
+    let runs = driven.iter().map(|done| Summary::read(&done.folder)).collect::<Result<Vec<Summary>, _>>()?;
     let clean = runs.iter().all(|run| run.failures.is_empty() && run.broken_recordings.is_empty());
     terminal::say(&table::render(&runs, arguments.format, width()))?;
     if latency::is_a_sweep(&runs) {
@@ -360,6 +400,12 @@ fn submit(arguments: SubmitArgs, console: &Console) -> anyhow::Result<ExitCode> 
 }
 
 fn print_status(arguments: &StatusArgs) -> anyhow::Result<ExitCode> {
+    // At a service a run has a name, which is no path.
+    if let Some(folder) = arguments.run.as_ref().map(Path::new).filter(|run| run.components().count() > 1 || run.is_dir()) {
+        let found = status::status(folder, arguments.json)?;
+        terminal::say(&found.text)?;
+        return Ok(if found.is_clean { ExitCode::SUCCESS } else { ExitCode::from(1) });
+    }
     terminal::say(&client::status::status(arguments, &mut Service::new(&arguments.service)?)?)?;
     Ok(ExitCode::SUCCESS)
 }

@@ -1,7 +1,6 @@
 //! Several drivers over the same scenes: a run for each driver and protocol, one after the other.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
 
 use scenarios::SceneSet;
 use thiserror::Error;
@@ -12,7 +11,7 @@ use crate::request::{Request, RequestError};
 use crate::run::clock::WallClock;
 use crate::run::console::Console;
 use crate::run::interrupt::Interrupts;
-use crate::run::{self, RunError};
+use crate::run::{self, Done, RunError};
 
 /// A matrix that cannot be meant.
 #[derive(Debug, Error)]
@@ -54,6 +53,7 @@ pub fn requests(arguments: &MatrixArgs, cores: u16) -> Result<Vec<Request>, Matr
             set: arguments.set.clone(),
             out: Some(arguments.out.join(format!("{label}-{}{suffix}", protocol.name()))),
             latency: latency.clone(),
+            shard: arguments.shard,
             retry: arguments.retry.clone(),
             record: arguments.record,
             parallel: arguments.parallel,
@@ -89,7 +89,7 @@ fn latencies(asked: &[LatencyChoice]) -> Result<Vec<(String, Option<LatencyChoic
     asked.iter().map(latency).collect()
 }
 
-/// Drives them all, or what is left of them; the folders, in their order.
+/// Drives them all, or what is left of them, in their order.
 ///
 /// # Errors
 /// [`RunError`] of the first that is not complete; what is done is kept.
@@ -98,17 +98,17 @@ pub fn drive(
     clock: WallClock,
     console: &Console,
     interrupts: &Interrupts,
-) -> Result<Vec<PathBuf>, RunError> {
+) -> Result<Vec<Done>, RunError> {
     let Some(first) = requests.first() else { return Ok(Vec::new()) };
     let scenes = SceneSet::open(&first.machine.scenarios)?.entries().len();
     console.begin("episodes", scenes * requests.len(), 0);
-    let folders = requests.iter().map(|request| {
+    let driven = requests.iter().map(|request| {
         let (driver, protocol) = (&request.settings.driver, request.settings.protocol.name());
         let latency = request.settings.latency.as_ref().map_or_else(String::new, |latency| format!(", {latency}"));
         let shared = console.shared(format!("{driver}, {protocol}{latency}"));
-        Ok(run::run(request, clock, &shared, interrupts)?.folder)
+        run::run(request, clock, &shared, interrupts)
     });
-    let folders = folders.collect();
+    let driven = driven.collect();
     console.end();
-    folders
+    driven
 }

@@ -1,6 +1,7 @@
 //! A command line and what it means: settings for the run, and for the machine it runs on.
 
 use std::collections::BTreeMap;
+use std::env;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -12,11 +13,13 @@ use network::weights::features_of;
 use results::drivers::{self, Driver, MotionName, Predictor};
 use results::files::{self, FileError};
 use results::settings::{Machine, Node, Planner, Settings, ZenohConfig};
+use shard::{SchedulerError, Shard, ShardChoice};
 use results::weights;
 use thiserror::Error;
 use wire::session::{ZenohFile, ZenohFileError};
 
 use crate::cli::{self, LatencyChoice, ProtocolName, Retry, RunArgs};
+use crate::shards;
 
 /// How long nodes that the sim starts may take to be there.
 const PATIENCE_WITH_NODES: Duration = Duration::from_secs(20);
@@ -33,6 +36,8 @@ pub struct Request {
     pub machine: Machine,
     /// The folder, if it was asked for.
     pub out: Option<PathBuf>,
+    /// Which of its shards this is, if it is driven in some.
+    pub shard: Option<Shard>,
     /// Which of its episodes are to be driven again, if they were driven.
     pub retry: Vec<Retry>,
     /// Whether every scene is read before the first is driven.
@@ -85,6 +90,8 @@ pub enum RequestError {
         "--latency is for an AV that follows plans, and that of the driver human is played back\nhint: leave --latency out, or have it steer, with --motion bicycle"
     )]
     PlayedBackLate,
+    #[error(transparent)]
+    Shard(#[from] SchedulerError),
     #[error(transparent)]
     Setting(#[from] SettingError),
 }
@@ -178,6 +185,7 @@ impl Request {
             latency,
             fork: None,
         };
+        let shard = arguments.shard.map(ShardChoice::of_this_process).transpose()?;
         let machine = Machine {
             parallel: arguments.parallel.unwrap_or(cores),
             in_process: arguments.in_process,
@@ -189,9 +197,10 @@ impl Request {
             scenarios: if arguments.paths.is_empty() { arguments.scenarios } else { arguments.paths },
             planner_certificates: arguments.planner_certificate,
             zenoh_config: arguments.zenoh_config.as_deref().map(zenoh_config).transpose()?,
+            shards: shard.map(|shard| shards::pinned(shard.of(), env::args_os())),
         };
         let RunArgs { out, retry, verify, timing, view, .. } = arguments;
-        Ok(Self { settings, machine, out, retry, verify, timing, view })
+        Ok(Self { settings, machine, out, shard, retry, verify, timing, view })
     }
 }
 

@@ -63,7 +63,7 @@ pub struct Run {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct List {
+struct Text {
     #[serde(default)]
     seeds: Vec<u64>,
     #[serde(default)]
@@ -84,7 +84,7 @@ struct Entry {
 /// # Errors
 /// [`ListError`] names the run.
 pub fn read(text: &str) -> Result<Vec<Run>, ListError> {
-    let list: List =
+    let list: Text =
         toml::from_str(text).map_err(|error| ListError::Format(error.to_string().trim_end().to_owned()))?;
     let mut runs: Vec<Run> = Vec::new();
     for Entry { name, settings } in list.run {
@@ -161,26 +161,37 @@ pub enum AblationError {
 /// What makes a learner of settings.
 pub type MakeLearner<'a> = dyn Fn(&Settings) -> anyhow::Result<Box<dyn Learner>> + 'a;
 
-/// Trains all of a list, each into its folder within `folder`, going on where a training was stopped; one without a finite loss does
-/// not keep others from theirs. Draws them if `rerun` is set. Writes `ablation.csv`, `ablation.md` and `entrants.toml` after each. None where somebody
-/// stopped it.
+/// What is trained, and where.
+#[derive(Clone, Copy, Debug)]
+pub struct List<'a> {
+    /// The trainings.
+    pub runs: &'a [Run],
+    /// The folder of their folders.
+    pub folder: &'a Path,
+    /// Whether `ablation.csv`, `ablation.md` and `entrants.toml` are written there after each: not where these are a share of a list that others
+    /// train too.
+    pub writes_tables: bool,
+    /// Whether each is drawn.
+    pub rerun: bool,
+}
+
+/// Trains all of a list, each into its folder, going on where a training was stopped; one without a finite loss does
+/// not keep others from theirs. None where somebody stopped it.
 ///
 /// # Errors
 /// [`AblationError`].
 pub fn run(
-    runs: &[Run],
+    List { runs, folder, writes_tables, rerun }: &List<'_>,
     examples: &dyn Examples,
-    folder: &Path,
-    rerun: bool,
     learner: &MakeLearner<'_>,
     watch: &mut dyn Watch,
 ) -> Result<Option<Vec<Outcome>>, AblationError> {
     let mut outcomes = Vec::new();
-    for run in runs {
+    for run in *runs {
         let name = || run.folder.clone();
         let own = folder.join(&run.folder);
         let mut learner = learner(&run.settings).map_err(|source| AblationError::Learner { name: name(), source })?;
-        let task = Task { settings: &run.settings, examples, folder: &own, resume: true, rerun };
+        let task = Task { settings: &run.settings, examples, folder: &own, resume: true, rerun: *rerun };
         let failure = match train(task, learner.as_mut(), watch) {
             Ok(Ended::Finished) => None,
             Ok(Ended::Stopped) => return Ok(None),
@@ -191,12 +202,14 @@ pub fn run(
         };
         let last = last_epoch(&own).map_err(|source| AblationError::Read { path: own.join("metrics.csv"), source })?;
         outcomes.push(Outcome { run: run.clone(), last: last.unwrap_or_default(), failure });
-        whole_file::write(&folder.join("ablation.csv"), csv(&outcomes).as_bytes())?;
-        whole_file::write(&folder.join("ablation.md"), markdown(&outcomes).as_bytes())?;
         if let Some(cost) = entrants::cost(&outcomes[outcomes.len() - 1]) {
             whole_file::write(&own.join("cost.toml"), cost.as_bytes())?;
         }
-        whole_file::write(&folder.join("entrants.toml"), entrants::of(&outcomes).as_bytes())?;
+        if *writes_tables {
+            whole_file::write(&folder.join("ablation.csv"), csv(&outcomes).as_bytes())?;
+            whole_file::write(&folder.join("ablation.md"), markdown(&outcomes).as_bytes())?;
+            whole_file::write(&folder.join("entrants.toml"), entrants::of(&outcomes).as_bytes())?;
+        }
     }
     Ok(Some(outcomes))
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use network::Presence;
 use network::constants::{AGENTS, HISTORY, NEIGHBOR_ROW, NEIGHBORS, STATE, STEPS};
 use network::weights::Weights;
-use trainer::ablation;
+use trainer::ablation::{self, List};
 use trainer::checkpoint::Checkpoint;
 use trainer::examples::Examples;
 use trainer::metrics::StepRow;
@@ -309,7 +309,8 @@ fn a_list_is_trained_and_goes_on_where_it_was_stopped() {
             made.set(made.get() + 1);
             Ok(Box::new(Bowl { then: then.filter(|_| made.get() % 2 == 0), ..Bowl::default() }))
         };
-        ablation::run(&runs, &examples(), folder.path(), false, &learner, &mut Hand(stop, 0)).unwrap()
+        let list = List { runs: &runs, folder: folder.path(), writes_tables: true, rerun: false };
+        ablation::run(&list, &examples(), &learner, &mut Hand(stop, 0)).unwrap()
     };
     // Two steps an epoch.
     assert_eq!(go(Some(3), None), None);
@@ -323,6 +324,26 @@ fn a_list_is_trained_and_goes_on_where_it_was_stopped() {
     assert!(rows.iter().all(|row| row[3].parse::<f64>().unwrap() > 0.0));
     assert_eq!(fs::read_to_string(folder.path().join("ablation.md")).unwrap(), ablation::markdown(&done));
     assert_eq!(fs::read_to_string(folder.path().join("b/steps.csv")).unwrap().lines().count(), 5);
+}
+
+#[test]
+fn shares_of_a_list_are_trained_apart_and_the_whole_list_then_has_a_table_and_trains_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "base = { mode = \"il\", batch = 5, epochs = 1 }\n[[run]]\nname = \"a\"\n[[run]]\nname = \"b\"";
+    let runs = ablation::read(text).unwrap();
+    let learner = |_: &Settings| -> anyhow::Result<Box<dyn Learner>> { Ok(Box::new(Bowl::default())) };
+    let train = |runs: &[ablation::Run], writes_tables, most| {
+        let list = List { runs, folder: folder.path(), writes_tables, rerun: false };
+        ablation::run(&list, &examples(), &learner, &mut Hand(most, 0)).unwrap()
+    };
+    for share in [&runs[1..], &runs[..1]] {
+        assert!(train(share, false, None).is_some());
+    }
+    assert!(!folder.path().join("ablation.csv").exists() && folder.path().join("b/weights.safetensors").exists());
+    // Somebody who stops it at the first step finds no step to stop at.
+    let whole = train(&runs, true, Some(0)).unwrap();
+    assert_eq!(whole.len(), 2);
+    assert_eq!(fs::read_to_string(folder.path().join("ablation.md")).unwrap(), ablation::markdown(&whole));
 }
 
 /// What a drawing holds: entities by how many rows they have beside what always holds.

@@ -32,6 +32,7 @@ pub fn run_file(scenes: usize) -> RunFile {
         scenarios: Vec::new(),
         planner_certificates: Vec::new(),
         zenoh_config: None,
+        shards: None,
     };
     let line = |place| SceneLine { id: scene(place), sha256: format!("{place:064x}"), fingerprint: None };
     RunFile { settings, build: Build::this(), machine, scenes: (0..scenes).map(line).collect() }

@@ -147,7 +147,7 @@ pub struct SubmitArgs {
 /// `sim status`.
 #[derive(Debug, Args)]
 pub struct StatusArgs {
-    /// This run alone
+    /// This run alone: its folder, as runs/big, for which no service is asked; or its name at a service
     #[arg(value_name = "RUN")]
     pub run: Option<String>,
     /// Say what can be driven there: drivers, scene sets, weights, versions, capacity

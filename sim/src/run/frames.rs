@@ -71,9 +71,9 @@ pub fn judge(
         ..Shared::new(run, reach, cores, clock, console, interrupts.nodes())
     });
     let total = scenes.entries().len();
-    let ending = drive_all(&shared, (0..total).collect(), interrupts);
+    let ending = drive_all(&shared, (0..total).collect(), total, interrupts);
     console.end();
-    let nothing = || State { done: 0, scenes: total, folder: place.path().to_owned() };
+    let nothing = || State { done: 0, scenes: total, shard: None, folder: place.path().to_owned() };
     match ending {
         Ending::Complete => {}
         Ending::Broken(reason) => return Err(RunError::Broken { reason, state: nothing() }),

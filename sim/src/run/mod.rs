@@ -43,6 +43,7 @@ use results::parquet::ParquetError;
 use results::part::Part;
 use results::settings::Record;
 use results::settings::{Build, Planner, RunFile, SceneLine};
+use shard::Shard;
 use results::trace::{Trace, TraceError};
 use scenarios::{SceneEntry, SceneSet, SetError};
 use thiserror::Error;
@@ -127,6 +128,8 @@ pub enum RunError {
     Results(#[from] ParquetError),
     #[error(transparent)]
     Trace(#[from] TraceError),
+    #[error("{} is merged already, and shard {shard} cannot drive in it again\nhint: leave out --shard", path.display())]
+    Merged { shard: Shard, path: PathBuf },
     #[error("{reason}\nnote: {state}")]
     Broken { reason: String, state: State },
     #[error("interrupted: {state}")]
@@ -149,27 +152,69 @@ impl RunError {
 pub struct State {
     done: usize,
     scenes: usize,
+    shard: Option<Shard>,
     folder: PathBuf,
 }
 
 impl fmt::Display for State {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { done, scenes, folder } = self;
-        let folder = folder.display();
-        if *done == 0 {
-            return write!(f, "no episode was driven, and no folder is left");
+        let Self { done, scenes, shard, folder } = self;
+        match (done, shard) {
+            (0, None) => write!(f, "no episode was driven, and no folder is left"),
+            (0, Some(shard)) => write!(f, "no episode of shard {shard} was driven"),
+            _ => {
+                let place = Where { shard: *shard, folder };
+                write!(f, "{done} of {scenes} episodes are done; the same command continues {}", place.the_run())
+            }
         }
-        write!(f, "{done} of {scenes} episodes are done; the same command continues the run in {folder}")
     }
 }
 
-/// A complete run.
+/// What is driven, and where, for people.
+struct Where<'a> {
+    shard: Option<Shard>,
+    folder: &'a Path,
+}
+
+impl Where<'_> {
+    /// As the object of a sentence.
+    fn the_run(&self) -> String {
+        match self.shard {
+            None => format!("the run in {}", self.folder.display()),
+            Some(_) => self.to_string(),
+        }
+    }
+}
+
+impl fmt::Display for Where<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.shard {
+            None => write!(f, "{}", self.folder.display()),
+            Some(shard) => write!(f, "shard {shard} of {}", self.folder.display()),
+        }
+    }
+}
+
+/// A complete run, or a shard that is.
 #[derive(Debug)]
 pub struct Done {
     /// Its folder.
     pub folder: PathBuf,
     /// Where the time went that it took now.
     pub breakdown: Breakdown,
+    /// The shard, where it is one: the run has no results until it is merged.
+    pub shard: Option<ShardDone>,
+}
+
+/// A complete shard.
+#[derive(Debug)]
+pub struct ShardDone {
+    /// Which.
+    pub shard: Shard,
+    /// How many it has.
+    pub episodes: usize,
+    /// The scenes whose episode has no result.
+    pub failures: Vec<String>,
 }
 
 /// What is driven, and how.
@@ -222,14 +267,18 @@ pub fn run_task(
     let file = begun(request, scenes);
     let hashes = || (0..file.scenes.len()).into_par_iter().map(|at| scenes.sha256(at).unwrap_or_default()).collect();
     let retry = &request.retry;
-    let opened = match &request.out {
-        Some(path) => Folder::open_with(path, &file, &hashes)?,
-        None => Folder::choose(Path::new(results::folder::RUNS), &file, &hashes, !retry.is_empty())?,
+    let opened = match (&request.out, request.shard) {
+        (Some(path), Some(shard)) => Folder::open_shard(path, &file, &hashes, shard)?,
+        (Some(path), None) => Folder::open_with(path, &file, &hashes)?,
+        (None, _) => Folder::choose(Path::new(results::folder::RUNS), &file, &hashes, !retry.is_empty())?,
     };
     let (folder, finished) = match opened {
         Opened::Finished(folder) => (folder, true),
         Opened::New(folder) | Opened::Unfinished(folder) => (folder, false),
     };
+    if let (true, Some(shard), false) = (finished, request.shard, retry.is_empty()) {
+        return Err(RunError::Merged { shard, path: folder.path().to_owned() });
+    }
     if finished {
         // Nothing is built upon rows that somebody has changed.
         results::digest(folder.path())?;
@@ -238,17 +287,17 @@ pub fn run_task(
     let Some(progress) = progress.filter(|progress| !finished || !progress.pending.is_empty()) else {
         console.line(&format!("{} is finished already: nothing was driven", folder.path().display()));
         console.pass_over(file.scenes.len());
-        return Ok(Done { folder: folder.path().to_owned(), breakdown: Breakdown::default() });
+        return Ok(Done { folder: folder.path().to_owned(), breakdown: Breakdown::default(), shard: None });
     };
     if finished {
         folder.reopen()?;
     }
     let path = folder.path().to_owned();
     // Until nothing is left to be removed: another sim may wait for the folder.
-    let _lock = folder.lock_held();
+    let hold = folder.hold();
     let done = drive_pending(task, file, folder, progress, clock, console, interrupts);
     if done.is_err() {
-        results::folder::remove_if_nothing_is_done(&path);
+        results::folder::remove_if_nothing_is_done(&path, &hold);
     }
     done
 }
@@ -260,12 +309,17 @@ fn begun(request: &Request, scenes: &SceneSet) -> RunFile {
         fingerprint: Some(entry.fingerprint()),
         ..SceneLine::default()
     };
-    RunFile {
+    let mut file = RunFile {
         settings: request.settings.clone(),
         build: Build::this(),
         machine: request.machine.clone(),
         scenes: scenes.entries().iter().map(line).collect(),
+    };
+    let identity = file.identity();
+    if let Some(shards) = &mut file.machine.shards {
+        shards.sha256 = identity;
     }
+    file
 }
 
 /// Drives what is pending, and merges it with what is done.
@@ -278,14 +332,15 @@ fn drive_pending(
     console: &Console,
     interrupts: &Interrupts,
 ) -> Result<Done, RunError> {
-    let Progress { pending, damaged, earlier, hashes } = progress;
-    let (total, path) = (file.scenes.len(), folder.path().to_owned());
+    let Progress { pending, total, damaged, earlier, hashes } = progress;
+    let (path, shard) = (folder.path().to_owned(), folder.shard());
     for scene in damaged {
-        console.line(&format!("note: the stored episode of {scene} is damaged, and is driven again"));
+        console.line(&format!("note: the stored episode of {scene} is damaged or of another run, and is driven again"));
     }
     if pending.len() < total {
-        let done = total - pending.len();
-        console.line(&format!("{}: {done} of {total} episodes are done, the others follow", path.display()));
+        let (done, place) = (total - pending.len(), Where { shard, folder: &path });
+        let rest = if pending.is_empty() { "" } else { ", the others follow" };
+        console.line(&format!("{place}: {done} of {total} episodes are done{rest}"));
         if file.settings.planner == Planner::External {
             console.line("note: those were driven by the planner that was there then; is it still the same?");
         }
@@ -308,7 +363,7 @@ fn drive_pending(
         ..Shared::new((scenes, file, folder), reach, cores, clock, console, interrupts.nodes())
     });
     let view = if view { View::start(&shared) } else { None };
-    let ending = drive_all(&shared, pending.clone(), interrupts);
+    let ending = drive_all(&shared, pending.clone(), total, interrupts);
     console.end();
     if let Some(view) = view {
         view.end();
@@ -316,8 +371,9 @@ fn drive_pending(
     let part = |scene: &SceneLine| shared.folder.part(&scene.id).ok().flatten();
     let state = || {
         let before = |scene: &SceneLine| earlier.as_ref().is_some_and(|earlier| earlier.standing(&scene.id).is_some());
-        let done = shared.file.scenes.iter().filter(|scene| part(scene).is_some() || before(scene)).count();
-        State { done, scenes: total, folder: path.clone() }
+        let mine = shared.file.scenes.iter().enumerate().filter(|(place, _)| shard.is_none_or(|it| it.holds(*place)));
+        let done = mine.filter(|(_, scene)| part(scene).is_some() || before(scene)).count();
+        State { done, scenes: total, shard, folder: path.clone() }
     };
     match ending {
         Ending::Complete => {}
@@ -325,6 +381,19 @@ fn drive_pending(
         Ending::Interrupted => return Err(RunError::Interrupted { state: state() }),
     }
     let mut breakdown = Breakdown::default();
+    if let Some(shard) = shard {
+        let mut done = ShardDone { shard, episodes: total, failures: Vec::new() };
+        for place in (0..shared.file.scenes.len()).filter(|place| shard.holds(*place)) {
+            let Some(part) = part(&shared.file.scenes[place]) else { continue };
+            if pending.binary_search(&place).is_ok() {
+                breakdown.add(&part);
+            }
+            if part.failed() {
+                done.failures.push(shared.file.scenes[place].id.clone());
+            }
+        }
+        return Ok(Done { folder: path, breakdown, shard: Some(done) });
+    }
     // Of a scene that was not read now, its episode of before knows.
     let hash = |(at, before)| shared.scenes.known_sha256(at).unwrap_or(before);
     let file = shared.file.with_hashes(hashes.into_iter().enumerate().map(hash));
@@ -337,7 +406,7 @@ fn drive_pending(
     results::merge(&shared.folder, &file, earlier.as_ref(), on_part)
         .map_err(|error| RunError::Broken { reason: error.to_string(), state: state() })?;
     shared.folder.remove_parts()?;
-    Ok(Done { folder: path, breakdown })
+    Ok(Done { folder: path, breakdown, shard: None })
 }
 
 /// The trace by which plans take effect: of all scenes if all delays are from it.
@@ -426,9 +495,8 @@ fn warn_of_the_open(outside: &str, zenoh_file: Option<&ZenohFile>) {
 }
 
 /// Drives the scenes of these places. All that was started is gone when it returns.
-fn drive_all(shared: &Arc<Shared>, pending: Vec<usize>, interrupts: &Interrupts) -> Ending {
+fn drive_all(shared: &Arc<Shared>, pending: Vec<usize>, total: usize, interrupts: &Interrupts) -> Ending {
     let (sender, events) = sync_channel(256);
-    let total = shared.file.scenes.len();
     let things = if shared.frames.is_some() { "scenes" } else { "episodes" };
     shared.console.begin(things, total, total - pending.len());
     let mut core = Core::new(pending, shared.file.machine.parallel.into(), shared.file.settings.record != Record::None);

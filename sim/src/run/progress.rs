@@ -13,7 +13,9 @@ use crate::cli::Retry;
 pub struct Progress {
     /// The places of the scenes that are to be driven.
     pub pending: Vec<usize>,
-    /// Scenes whose episode was stored, and cannot be read any more; they are driven again.
+    /// How many scenes there are, driven or not: those of the shard, if it is one.
+    pub total: usize,
+    /// Scenes whose episode was stored, and cannot be read any more, or is of another run; they are driven again.
     pub damaged: Vec<String>,
     /// What the run's files hold, if it was finished once.
     pub earlier: Option<Earlier>,
@@ -35,12 +37,18 @@ impl Progress {
             (standing.failed && retry.contains(&Retry::Failed))
                 || (standing.unrecorded && (stopped || retry.contains(&Retry::Unrecorded)))
         };
-        let mut progress = Self { pending: Vec::new(), damaged: Vec::new(), earlier, hashes: Vec::new() };
+        let mut progress = Self { pending: Vec::new(), total: 0, damaged: Vec::new(), earlier, hashes: Vec::new() };
+        let (shard, identity) = (folder.shard(), file.identity());
         for (index, scene) in file.scenes.iter().enumerate() {
-            let part = folder.part(&scene.id)?;
+            if shard.is_some_and(|shard| !shard.holds(index)) {
+                progress.hashes.push(String::new());
+                continue;
+            }
+            progress.total += 1;
+            let part = folder.part(&scene.id)?.filter(|part| part.run_sha256 == identity);
             let of_part = part.as_ref().map(Part::standing);
             progress.hashes.push(part.map(|part| part.scene_sha256).unwrap_or_default());
-            if of_part.is_none() && folder.has_damaged_part(&scene.id) {
+            if of_part.is_none() && folder.has_part(&scene.id) {
                 progress.damaged.push(scene.id.clone());
             }
             let before = progress.earlier.as_ref().and_then(|earlier| earlier.standing(&scene.id));

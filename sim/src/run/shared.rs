@@ -37,6 +37,8 @@ pub struct Shared {
     pub scenes: SceneSet,
     /// Who drives, and by which rules.
     pub file: RunFile,
+    /// What each episode says that it is of, see [`RunFile::identity`].
+    pub identity: String,
     /// Where finished episodes go.
     pub folder: Folder,
     /// How episodes begin that are not their driver's from the first step on.
@@ -100,6 +102,7 @@ impl Shared {
     ) -> Self {
         Self {
             scenes,
+            identity: file.identity(),
             file,
             folder,
             beginnings: Beginnings::default(),
@@ -150,7 +153,7 @@ impl Shared {
         calling::to_seat(&mut command, self.hub()?, seat);
         // The logs of a worker's nodes are one: what they say belongs together.
         let log = process.rsplit(' ').next().unwrap_or(process);
-        let voice = Voice::new(process, &self.console, self.folder.file("logs").join(format!("{log}.log")));
+        let voice = Voice::new(process, &self.console, self.folder.logs().join(format!("{log}.log")));
         Process::start(process, command, groups, voice).map_err(|error| error.to_string())
     }
 

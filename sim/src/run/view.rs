@@ -27,7 +27,7 @@ impl View {
             command.arg("view");
             bus_threads::set(&mut command, Some(1));
             calling::to_run(&mut command, hub);
-            let voice = Voice::new("the view", &shared.console, shared.folder.file("logs").join("view.log"));
+            let voice = Voice::new("the view", &shared.console, shared.folder.logs().join("view.log"));
             let mut process =
                 Process::start("the view", command, &shared.groups, voice).map_err(|error| error.to_string())?;
             let until = Instant::now() + JOINING;

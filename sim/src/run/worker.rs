@@ -229,6 +229,7 @@ impl Worker<'_> {
                 part
             }
         };
+        part.run_sha256.clone_from(&shared.identity);
         part.scene_sha256 = shared.scenes.known_sha256(scene).unwrap_or_default();
         let timing = part.timing.get_or_insert_default();
         timing.worker = self.number as u32;

@@ -55,7 +55,7 @@ impl Follow {
         }
         for scene in scenes_of_parts(&self.folder) {
             if !self.known.contains(&scene)
-                && let Some(part) = part_of(&self.folder, &scene)
+                && let Ok(Some(part)) = part_of(&self.folder, &scene)
             {
                 let (reason, failed) = (reason_name(part.reason()).to_owned(), part.failed());
                 let (steps, detail) = (part.records.len() as u32, part.end.map(|end| end.detail).unwrap_or_default());

@@ -20,7 +20,8 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use results::files::FileError;
-use results::folder::{BUSY, is_busy};
+use results::folder::BUSY;
+use results::hold::is_busy;
 use results::summary::Summary;
 use wire::proto::service::refusal::Code;
 use wire::proto::service::{self as message, News, Refusal, RunState};

@@ -99,6 +99,7 @@ pub fn finished(root: &Path, name: &str, drives: &[(String, Part)], change: impl
             scenarios: Vec::new(),
             planner_certificates: Vec::new(),
             zenoh_config: None,
+            shards: None,
         },
         scenes: drives.iter().map(line).collect(),
     };

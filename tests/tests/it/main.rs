@@ -24,6 +24,7 @@
 //! | `report.rs`, `browser.rs` | a report is played, scrubbed and filtered in a browser, where there is one; drives are pictures and clips |
 //! | `view.rs` | a viewer is shown the run, and holds nothing up |
 //! | `validity.rs` | drives judged again: where somebody would have had to react, and every figure without that |
+//! | `shards.rs` | a run that several processes drive comes out as if one had |
 //! | `side_by_side.rs` | two drives of a scene are drawn into one file |
 //! | `pause.rs` | a run that stands still for a while comes out as if it had not |
 //! | `network.rs` | the repository's weights are whole, and drive; the authors' drive as in their simulator |
@@ -65,6 +66,7 @@ mod replay;
 mod report;
 mod scenes;
 mod serve;
+mod shards;
 mod side_by_side;
 mod stage;
 mod validity;

@@ -115,9 +115,15 @@ impl Stage {
 
     /// Runs `sim` to its end, and sees that nothing else is left running.
     pub fn sim(&self, arguments: &str) -> Ended {
-        let output = self.command(arguments).output().unwrap();
+        let ended = self.sim_beside(arguments);
         let left = self.processes();
         assert!(left.is_empty(), "left running: {left:?}");
+        ended
+    }
+
+    /// Runs `sim` to its end, while others run.
+    pub fn sim_beside(&self, arguments: &str) -> Ended {
+        let output = self.command(arguments).output().unwrap();
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
         Ended { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
     }
@@ -169,7 +175,7 @@ impl Stage {
     /// How many episodes of a run are finished and stored.
     pub fn parts(&self, run: &str) -> usize {
         let parts = fs::read_dir(self.path(run).join("parts")).into_iter().flatten().flatten();
-        parts.filter(|part| !part.file_name().to_string_lossy().ends_with(".partial")).count()
+        parts.filter(|part| part.file_name().to_string_lossy().ends_with(".part")).count()
     }
 
     /// Every file of a run whose bytes must not depend on when and how it was run, by name.
