@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Drives the shards of a run by Ray: a cluster of its own on this host, or by --address one that is there."""
 
+import contextlib
 import ctypes
 import importlib.util
 import os
@@ -46,7 +47,8 @@ def drive(settings, address):
         shards.end_by_sigterm_too()  # Ray has set a handler of its own
         try:
             shards.say(f"Ray: {ray.cluster_resources().get('CPU', 0):.0f} cores, the shards' logs in {settings.logs}")
-            return submit(ray, settings)
+            with contextlib.redirect_stdout(sys.stderr):  # where Ray prints of workers that died, whatever it is told
+                return submit(ray, settings)
         finally:
             ray.shutdown()
 
