@@ -37,15 +37,15 @@ def drive(settings, address):
 
     with tempfile.TemporaryDirectory(prefix="reloop-ray-", ignore_cleanup_errors=True) as folder:
         quiet = {"log_to_driver": False, "logging_level": "error"}
-        if address:
-            ray.init(address=address, **quiet)
-        else:
-            ray.init(
-                num_cpus=settings.workers, num_gpus=0, include_dashboard=False, _node_ip_address="127.0.0.1",
-                object_store_memory=OBJECT_STORE, _temp_dir=folder, **quiet,
-            )
-        shards.end_by_sigterm_too()  # Ray has set a handler of its own
         try:
+            if address:
+                ray.init(address=address, **quiet)
+            else:
+                ray.init(
+                    num_cpus=settings.workers, num_gpus=0, include_dashboard=False, _node_ip_address="127.0.0.1",
+                    object_store_memory=OBJECT_STORE, _temp_dir=folder, **quiet,
+                )
+            shards.end_by_sigterm_too()  # Ray has set a handler of its own
             shards.say(f"Ray: {ray.cluster_resources().get('CPU', 0):.0f} cores, the shards' logs in {settings.logs}")
             with contextlib.redirect_stdout(sys.stderr):  # where Ray prints of workers that died, whatever it is told
                 return submit(ray, settings)
@@ -105,4 +105,6 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    status = main()
+    sys.stdout.flush()
+    os._exit(status)  # Python's own way out goes through Ray's, which crashes (signal 11) where its start was interrupted

@@ -109,8 +109,8 @@ def loopback_only():
 
 
 def end_by_sigterm_too():
-    """SIGTERM is told as Ctrl-C is."""
-    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    """SIGTERM ends as Ctrl-C does, also where a shell has Ctrl-C ignored (a script's `&`)."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 def die_with_parent(how=signal.SIGKILL):
