@@ -50,8 +50,11 @@ print(f"user {os.getuid()} submits `id -u`, and it prints {open(f'{folder}/out')
 PY
 venv/bin/python cluster.py > told 2> log &
 cluster=$!
-trap 'kill "$cluster" 2> /dev/null; rm -rf "$work"' EXIT
-for _ in $(seq 100); do [[ -s port ]] && break || sleep 0.2; done
+trap 'kill "$cluster" 2> /dev/null || true; rm -rf "$work"' EXIT
+for _ in $(seq 100); do
+    [[ -s port ]] && break
+    sleep 0.2
+done
 venv/bin/python other.py "$(cat port)" > other 2>> log || cat log
 grep -h secret_key told > seen
 cat other >> seen
