@@ -49,6 +49,8 @@ def drive(settings, address):
             shards.say(f"Ray: {ray.cluster_resources().get('CPU', 0):.0f} cores, the shards' logs in {settings.logs}")
             with contextlib.redirect_stdout(sys.stderr):  # where Ray prints of workers that died, whatever it is told
                 return submit(ray, settings)
+        except (ConnectionError, ray.exceptions.AuthenticationError) as error:
+            raise shards.Problem(f"Ray: {str(error).strip().splitlines()[0]}") from None
         finally:
             ray.shutdown()
 
