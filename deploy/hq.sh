@@ -81,13 +81,13 @@ fi
 
 # Exit codes that mean whole: 0, and 1 with failed episodes. HyperQueue knows of 0 alone, so the task says 0 for both; the merge tells.
 # shellcheck disable=SC2016 # the task's shell reads these
-whole='"$@" || { code=$?; exit $((code == 1 ? 0 : code)); }'
+whole='shards=$1; shift; "$@" --shard "$HQ_TASK_ID/$shards" || { code=$?; exit $((code == 1 ? 0 : code)); }'
 wanted=1-$shards
 for ((try = 1; try <= tries; try++)); do
-    # HQ_TASK_ID is the shard's number. The instance keeps apart what a lost worker printed and what the next one did.
+    # HQ_TASK_ID is the shard's number; said outright, for `--shard auto` may see Slurm's numbers too where workers run in its jobs.
     job=$(hq submit --output-mode=quiet --array="$wanted" --cpus=1 --name=reloop \
         --stdout="$logs/shard-%{TASK_ID}.out" --stderr="$logs/shard-%{TASK_ID}.err" \
-        -- bash -c "$whole" task "$sim" run "$@" --shard "auto/$shards")
+        -- bash -c "$whole" task "$shards" "$sim" run "$@")
     hq job wait "$job" > /dev/null || true
     wanted=$(hq job task-ids "$job" --filter=failed,canceled)
     [[ -n $wanted ]] || break
