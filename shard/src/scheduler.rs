@@ -29,40 +29,37 @@ pub enum SchedulerError {
     NoNumber { variable: &'static str, value: String },
     #[error("{variable} does not say how many shards there are\nhint: --shard auto/N says it")]
     NoCount { variable: &'static str },
+    #[error("this is an array of {count} tasks from {first} to {last}, and not from 0 or 1 without gaps: how many shards there are is not clear\nhint: --shard auto/N says it, and tasks count from 1 then")]
+    SomeTasks { first: i64, last: i64, count: i64 },
     #[error("{variable} makes this shard {number} of {of}\nhint: {hint}")]
     Outside { variable: &'static str, number: i64, of: u32, hint: &'static str },
 }
 
 /// What a scheduler sets, and how it counts.
 struct Scheduler {
-    /// The task's number.
+    /// The variable that has the task's number.
     id: &'static str,
-    /// The first task's number, or the variable that has it.
-    first: First,
-    /// The variable that has how many tasks there are.
-    count: Option<&'static str>,
+    /// The first task's number, where nothing else says it.
+    first: i64,
+    /// The variables that have the numbers of the first and the last task, and how many there are, where it sets them.
+    array: Option<[&'static str; 3]>,
     /// What to do where the numbers do not fit.
     hint: &'static str,
 }
 
-enum First {
-    Is(i64),
-    Variable(&'static str),
-}
-
 const SCHEDULERS: [Scheduler; 3] = [
-    Scheduler { id: "HQ_TASK_ID", first: First::Is(1), count: None, hint: "hq submit --array 1-N" },
+    Scheduler { id: "HQ_TASK_ID", first: 1, array: None, hint: "hq submit --array 1-N" },
     Scheduler {
         id: "JOB_COMPLETION_INDEX",
-        first: First::Is(0),
-        count: None,
+        first: 0,
+        array: None,
         hint: "completions of the Kubernetes job must be the number of shards",
     },
     Scheduler {
         id: "SLURM_ARRAY_TASK_ID",
-        first: First::Variable("SLURM_ARRAY_TASK_MIN"),
-        count: Some("SLURM_ARRAY_TASK_COUNT"),
-        hint: "sbatch --array=1-N, without gaps; to drive single shards again give --shard auto/N",
+        first: 1,
+        array: Some(["SLURM_ARRAY_TASK_MIN", "SLURM_ARRAY_TASK_MAX", "SLURM_ARRAY_TASK_COUNT"]),
+        hint: "sbatch --array=1-N",
     },
 ];
 
@@ -94,20 +91,18 @@ impl ShardChoice {
             Err(_) => Err(SchedulerError::NoNumber { variable, value }),
         };
         let id = number(scheduler.id, value)?;
-        // Single tasks of an array that are submitted again have their own first one; so where the count is told, tasks count from 1.
-        let first = match (&scheduler.first, of) {
-            (First::Is(first), _) => *first,
-            (First::Variable(_), Some(_)) => 1,
-            (First::Variable(name), None) => variable(name).map_or(Ok(1), |value| number(name, value))?,
+        let (first, of) = match (of, scheduler.array) {
+            (Some(of), _) => (scheduler.first, of),
+            (None, None) => return Err(SchedulerError::NoCount { variable: scheduler.id }),
+            (None, Some(names)) => {
+                let of_array = |name| number(name, variable(name).ok_or(SchedulerError::NoCount { variable: name })?);
+                let [first, last, count] = [of_array(names[0])?, of_array(names[1])?, of_array(names[2])?];
+                // Some tasks of an array, submitted again: their count is not that of the shards.
+                let is_whole = matches!(first, 0 | 1) && last.checked_sub(first) == count.checked_sub(1);
+                let of = u32::try_from(count).ok().filter(|_| is_whole);
+                (first, of.ok_or(SchedulerError::SomeTasks { first, last, count })?)
+            }
         };
-        let count = || {
-            let no_count = SchedulerError::NoCount { variable: scheduler.id };
-            let name = scheduler.count.ok_or(no_count)?;
-            let value = variable(name).ok_or(SchedulerError::NoCount { variable: name })?;
-            let count = number(name, value.clone())?;
-            u32::try_from(count).map_err(|_| SchedulerError::NoNumber { variable: name, value })
-        };
-        let of = of.map_or_else(count, Ok)?;
         let (variable, hint) = (scheduler.id, scheduler.hint);
         let number = id.saturating_sub(first).saturating_add(1);
         let shard = u32::try_from(number).ok().and_then(|number| Shard::new(number, of).ok());
@@ -143,19 +138,23 @@ mod tests {
 
     #[test]
     fn each_scheduler_counts_in_its_own_way() {
-        let slurm = |id, min, count| {
-            [("SLURM_ARRAY_TASK_ID", id), ("SLURM_ARRAY_TASK_MIN", min), ("SLURM_ARRAY_TASK_COUNT", count)]
+        let slurm = |id, min, max, count| {
+            let array = [("SLURM_ARRAY_TASK_MIN", min), ("SLURM_ARRAY_TASK_MAX", max), ("SLURM_ARRAY_TASK_COUNT", count)];
+            [("SLURM_ARRAY_TASK_ID", id), array[0], array[1], array[2]]
         };
         let all = [
             resolve("3/8", &[("HQ_TASK_ID", "5")]),
             resolve("auto/8", &[("HQ_TASK_ID", "3")]),
             resolve("auto/8", &[("JOB_COMPLETION_INDEX", "2")]),
-            resolve("auto", &slurm("2", "0", "8")),
-            resolve("auto", &slurm("3", "1", "8")),
+            resolve("auto", &slurm("2", "0", "7", "8")),
+            resolve("auto", &slurm("3", "1", "8", "8")),
             // Task 3 alone, submitted again.
-            resolve("auto/8", &slurm("3", "3", "1")),
+            resolve("auto/8", &slurm("3", "3", "3", "1")),
         ];
         assert!(all.iter().all(|shard| shard.as_deref() == Ok("3/8")), "{all:?}");
+        for some in [slurm("3", "3", "3", "1"), slurm("3", "1", "5", "3")] {
+            assert!(matches!(resolve("auto", &some), Err(SchedulerError::SomeTasks { .. })), "{some:?}");
+        }
     }
 
     #[test]

@@ -121,7 +121,10 @@ fn as_text(folder: &Path, file: &RunFile, survey: &Survey, rows: &[Row]) -> Stri
         file.settings.protocol.name(),
         total - missing.len(),
     );
-    let columns = |line: [&str; 5]| format!("{:>8}  {:>8}  {:>8}  {:>8}  {}\n", line[0], line[1], line[2], line[3], line[4]);
+    let columns = |[shard, episodes, done, failed, state]: [&str; 5]| {
+        let line = format!("{shard:>8}  {episodes:>8}  {done:>8}  {failed:>8}  {state}");
+        format!("{}\n", line.trim_end())
+    };
     text += &format!("\n{}", columns(["shard", "episodes", "done", "failed", ""]));
     for row in rows {
         let shard = row.shard.map_or_else(|| "all".to_owned(), |shard| shard.to_string());

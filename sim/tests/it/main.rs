@@ -36,6 +36,8 @@ fn help_says_what_can_be_typed() {
       run          Drive scenes and write a run folder
       matrix       Drive scenes with several drivers, and print one table
       evaluate     Ask drivers for plans at frames of the log and judge them, without driving
+      merge        Make runs of what shards have driven
+      plan         Say what a run would take in time, memory and room, from a sample of its episodes
       table        Print the tables of finished runs
       compare      Compare two finished runs: what flipped, what moved, what may be chance
       score        Score finished runs by other tools' definitions, without driving again
@@ -50,7 +52,8 @@ fn help_says_what_can_be_typed() {
                    to do
       serve        Drive what others ask for: runs in a fair queue, and sessions step by step
       submit       Have a service drive a run
-      status       Say how the runs of a service are, or what it offers
+      status       Say how far a run in a folder is, or how the runs of a service are, or what that
+                   offers
       watch        Show how a run of a service goes, and its table at the end
       cancel       Stop runs of a service
       session      Drive one scene of a service step by step, and let another driver take over

@@ -31,10 +31,26 @@ fn shards_in_any_order_merge_to_the_files_of_one_process() {
 
     let status = stage.sim("status run");
     assert_eq!(status.code, Some(1), "{status:?}");
-    insta::assert_snapshot!(status.out, @"");
+    insta::assert_snapshot!(status.out, @"
+    run: idm, strict: 1 of 3 episodes are done, 0 of them failed
+
+       shard  episodes      done    failed
+         1/2         2         0         0  nobody is at work
+         2/2         1         1         0  whole
+
+    2 missing: following-3-0, red-light-3-0
+
+    this drives what is missing:
+      sim run --driver idm --scenarios small.toml --parallel 1 --out run --shard 1/2
+    or, all of it here, and then merged:
+      sim run --driver idm --scenarios small.toml --parallel 1 --out run
+    ");
     let early = stage.sim("merge run");
     assert_eq!(early.code, Some(2), "{early:?}");
-    insta::assert_snapshot!(early.err, @"");
+    insta::assert_snapshot!(early.err, @"
+    error: 2 of 3 episodes of the run in run are missing: following-3-0, red-light-3-0
+    hint: `sim status run` says who drives them
+    ");
 
     assert_eq!(shard(&stage, "run", "1/2").code, Some(0));
     let again = shard(&stage, "run", "1/2");
