@@ -114,6 +114,10 @@ fn help_says_what_can_be_typed() {
     How to run:
           --out <DIR>                    The run's folder [default: runs/DRIVER-PROTOCOL-N]; an
                                          unfinished run in it is continued
+          --shard <I/N>                  Drive a share of the scenes, the I-th of N, beside other
+                                         processes in the same --out; `sim merge` then makes it a run
+                                         (docs/shards.md). auto or auto/N: as HyperQueue, Slurm or
+                                         Kubernetes says
           --retry <WHICH>                Drive episodes of this run again: those that failed, those
                                          whose recording is not whole, or failed,unrecorded [possible
                                          values: failed, unrecorded]
