@@ -403,8 +403,8 @@ fn last_number(runs: &Path, stem: &str) -> Result<u32, FileError> {
 mod tests {
     use super::*;
     use crate::settings::SceneLine;
-    use crate::settings::tests::run_file;
     use crate::settings::Shards;
+    use crate::settings::tests::run_file;
     use wire::proto::EpisodeEnd;
 
     fn patient(deadline_s: f64) -> RunFile {
@@ -598,7 +598,9 @@ mod tests {
     fn a_shard_that_does_nothing_leaves_nothing_if_it_is_the_last() {
         let root = tempfile::tempdir().unwrap();
         let path = root.path().join("run");
-        let (Ok(Opened::New(first)), Ok(Opened::Unfinished(second))) = (open_shard(&path, "1/2"), open_shard(&path, "2/2")) else {
+        let (Ok(Opened::New(first)), Ok(Opened::Unfinished(second))) =
+            (open_shard(&path, "1/2"), open_shard(&path, "2/2"))
+        else {
             panic!("both are at work")
         };
         remove_if_nothing_is_done(&path, &first.hold());

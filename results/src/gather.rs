@@ -31,7 +31,8 @@ pub enum GatherError {
 /// # Errors
 /// [`GatherError`] where one is of another run, or two hold different episodes of a scene.
 pub fn gather(run: &Folder, file: &RunFile, others: &[PathBuf]) -> Result<usize, GatherError> {
-    let mut from: BTreeMap<String, &Path> = scenes_of_parts(run.path()).into_iter().map(|it| (it, run.path())).collect();
+    let mut from: BTreeMap<String, &Path> =
+        scenes_of_parts(run.path()).into_iter().map(|it| (it, run.path())).collect();
     let mut copied = Vec::new();
     for other in others {
         let there = read_run_file(other)?.ok_or_else(|| FolderError::NoRun(other.clone()))?;

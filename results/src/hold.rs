@@ -111,11 +111,7 @@ fn open(path: &Path) -> Result<File, FileError> {
     options.read(true).write(true).create(true).truncate(false).open(path).map_err(at("create", path))
 }
 
-fn taken(
-    locked: Result<(), TryLockError>,
-    path: &Path,
-    busy: impl FnOnce() -> FolderError,
-) -> Result<(), FolderError> {
+fn taken(locked: Result<(), TryLockError>, path: &Path, busy: impl FnOnce() -> FolderError) -> Result<(), FolderError> {
     match locked {
         Ok(()) => Ok(()),
         Err(TryLockError::WouldBlock) => Err(busy()),

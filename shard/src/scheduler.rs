@@ -29,7 +29,9 @@ pub enum SchedulerError {
     NoNumber { variable: &'static str, value: String },
     #[error("{variable} does not say how many shards there are\nhint: --shard auto/N says it")]
     NoCount { variable: &'static str },
-    #[error("this is an array of {count} tasks from {first} to {last}, and not from 0 or 1 without gaps: how many shards there are is not clear\nhint: --shard auto/N says it, and tasks count from 1 then")]
+    #[error(
+        "this is an array of {count} tasks from {first} to {last}, and not from 0 or 1 without gaps: how many shards there are is not clear\nhint: --shard auto/N says it, and tasks count from 1 then"
+    )]
     SomeTasks { first: i64, last: i64, count: i64 },
     #[error("{variable} makes this shard {number} of {of}\nhint: {hint}")]
     Outside { variable: &'static str, number: i64, of: u32, hint: &'static str },
@@ -139,7 +141,8 @@ mod tests {
     #[test]
     fn each_scheduler_counts_in_its_own_way() {
         let slurm = |id, min, max, count| {
-            let array = [("SLURM_ARRAY_TASK_MIN", min), ("SLURM_ARRAY_TASK_MAX", max), ("SLURM_ARRAY_TASK_COUNT", count)];
+            let array =
+                [("SLURM_ARRAY_TASK_MIN", min), ("SLURM_ARRAY_TASK_MAX", max), ("SLURM_ARRAY_TASK_COUNT", count)];
             [("SLURM_ARRAY_TASK_ID", id), array[0], array[1], array[2]]
         };
         let all = [
@@ -179,6 +182,8 @@ mod tests {
         "#);
         let both = [("HQ_TASK_ID", "1"), ("SLURM_ARRAY_TASK_ID", "1")];
         assert!(matches!(resolve("auto/8", &both), Err(SchedulerError::Several(..))));
-        assert!(["auto/", "auto/0", "auto/x", "automatic", "8"].iter().all(|text| text.parse::<ShardChoice>().is_err()));
+        assert!(
+            ["auto/", "auto/0", "auto/x", "automatic", "8"].iter().all(|text| text.parse::<ShardChoice>().is_err())
+        );
     }
 }

@@ -19,9 +19,9 @@ use evaluation::validity;
 use results::files;
 use results::summary::{Summary, SummaryError};
 use sim::cli::{
-    BlameArgs, CancelArgs, CheckFormat, CheckNodeArgs, Cli, Command, CompareArgs, EvaluateArgs, MatrixArgs,
-    MergeArgs, PlanArgs, PredictionsArgs, RenderArgs, ReplayArgs, ReportArgs, RunArgs, ScoreArgs, ServeArgs, SessionArgs, StatusArgs,
-    SubmitArgs, TableArgs, ValidityArgs, VerifyArgs, WatchArgs,
+    BlameArgs, CancelArgs, CheckFormat, CheckNodeArgs, Cli, Command, CompareArgs, EvaluateArgs, MatrixArgs, MergeArgs,
+    PlanArgs, PredictionsArgs, RenderArgs, ReplayArgs, ReportArgs, RunArgs, ScoreArgs, ServeArgs, SessionArgs,
+    StatusArgs, SubmitArgs, TableArgs, ValidityArgs, VerifyArgs, WatchArgs,
 };
 use sim::client::watch::Watched;
 use sim::client::{self, Service};
@@ -401,7 +401,9 @@ fn submit(arguments: SubmitArgs, console: &Console) -> anyhow::Result<ExitCode> 
 
 fn print_status(arguments: &StatusArgs) -> anyhow::Result<ExitCode> {
     // At a service a run has a name, which is no path.
-    if let Some(folder) = arguments.run.as_ref().map(Path::new).filter(|run| run.components().count() > 1 || run.is_dir()) {
+    if let Some(folder) =
+        arguments.run.as_ref().map(Path::new).filter(|run| run.components().count() > 1 || run.is_dir())
+    {
         let found = status::status(folder, arguments.json)?;
         terminal::say(&found.text)?;
         return Ok(if found.is_clean { ExitCode::SUCCESS } else { ExitCode::from(1) });

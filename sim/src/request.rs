@@ -13,8 +13,8 @@ use network::weights::features_of;
 use results::drivers::{self, Driver, MotionName, Predictor};
 use results::files::{self, FileError};
 use results::settings::{Machine, Node, Planner, Settings, ZenohConfig};
-use shard::{SchedulerError, Shard, ShardChoice};
 use results::weights;
+use shard::{SchedulerError, Shard, ShardChoice};
 use thiserror::Error;
 use wire::session::{ZenohFile, ZenohFileError};
 

@@ -67,8 +67,16 @@ pub fn again(folder: &Path, file: &RunFile, means: &Means) -> Result<Request, Ca
     }
     let mut settings = file.settings.clone();
     settings.record = Record::None;
-    let mut request =
-        Request { settings, machine, out: None, shard: None, retry: Vec::new(), verify: false, timing: false, view: false };
+    let mut request = Request {
+        settings,
+        machine,
+        out: None,
+        shard: None,
+        retry: Vec::new(),
+        verify: false,
+        timing: false,
+        view: false,
+    };
     be_as_late(&mut request, folder, file);
     Ok(request)
 }

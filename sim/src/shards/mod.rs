@@ -51,7 +51,11 @@ fn command(file: &RunFile, shard: Option<Shard>) -> String {
 /// A word as a shell takes it.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%^".contains(c);
-    if !word.is_empty() && word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', r"'\''")) }
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
 }
 
 #[cfg(test)]
@@ -60,7 +64,8 @@ mod tests {
 
     #[test]
     fn a_command_is_kept_without_its_shard_and_given_back_as_a_shell_takes_it() {
-        let typed = ["/opt/sim", "run", "my set.toml", "--shard", "3/8", "--planner-command", "echo 'x'", "--shard=4/8"];
+        let typed =
+            ["/opt/sim", "run", "my set.toml", "--shard", "3/8", "--planner-command", "echo 'x'", "--shard=4/8"];
         let command = without_shard(typed.map(OsString::from));
         assert_eq!(command, ["sim", "run", "my set.toml", "--planner-command", "echo 'x'"]);
         let words: Vec<_> = command.iter().map(|word| quoted(word)).collect();

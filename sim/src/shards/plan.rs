@@ -10,8 +10,8 @@ use results::files::{FileError, at};
 use results::folder::{part_of, recording_of};
 use results::part::Part;
 use results::settings::Machine;
-use shard::Shard;
 use scenarios::{SceneSet, SetError};
+use shard::Shard;
 use thiserror::Error;
 
 use super::merge::{MergeError, merge};
@@ -93,7 +93,8 @@ pub fn plan(
     let before = clock.now();
     merge(&path, &[], &Console::silent())?;
     let merging = (clock.now() - before).as_secs_f64();
-    let merged = ["results", "steps", "timing"].map(|name| size(path.join(format!("{name}.parquet")))).iter().sum::<f64>();
+    let merged =
+        ["results", "steps", "timing"].map(|name| size(path.join(format!("{name}.parquet")))).iter().sum::<f64>();
     let timing = || parts.iter().filter_map(|part| part.timing);
     let first = timing().map(|timing| timing.first_step).filter(|first| *first > 0.0).fold(f64::INFINITY, f64::min);
     let count = parts.len().max(1) as f64;
@@ -165,13 +166,20 @@ impl Sample {
         let nodes = match (self.nodes[0] * self.parallel + self.nodes[1], self.memory[1]) {
             (0, _) => String::new(),
             (count, each) => {
-                format!(": {} the sim, {count} nodes and recorders of at most {} each", room(self.memory[0] as f64), room(each as f64))
+                format!(
+                    ": {} the sim, {count} nodes and recorders of at most {} each",
+                    room(self.memory[0] as f64),
+                    room(each as f64)
+                )
             }
         };
         say("memory of a shard", format!("{}{nodes}", room(self.memory() as f64)));
         let all = scenes as f64;
         let rows = format!("{} until it is merged, {} after", room(stored * all), room(merged * all));
-        say("room of the run", if recorded > 0.0 { format!("{rows}, recordings {}", room(recorded * all)) } else { rows });
+        say(
+            "room of the run",
+            if recorded > 0.0 { format!("{rows}, recordings {}", room(recorded * all)) } else { rows },
+        );
         say("sim merge", format!("{} at most", seconds(self.merge * all)));
         let usual: Vec<u32> = [1, 2, 4, 8, 16, 32, 64, 128].into_iter().filter(|of| *of as usize <= scenes).collect();
         let counts = if counts.is_empty() { &usual } else { counts };

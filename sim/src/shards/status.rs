@@ -7,10 +7,10 @@ use results::files::FileError;
 use results::folder::{FolderError, read_run_file};
 use results::hold::{is_at_work, is_busy};
 use results::settings::RunFile;
-use shard::Shard;
 use results::summary::{Summary, SummaryError};
 use results::survey::{State, Survey};
 use serde_json::json;
+use shard::Shard;
 use thiserror::Error;
 
 use super::command;
