@@ -14,8 +14,9 @@ use world::plan::{PLAN_STEPS, PlanState, STEP_SECONDS, UncheckedPlan};
 /// What it is told on the command line.
 #[derive(Clone, Debug, Default, clap::Args)]
 #[group(id = "cql_options")]
+#[command(next_help_heading = "Options of cql")]
 pub struct Options {
-    /// The policy's weights, for the planner cql
+    /// The policy's weights, a .safetensors file
     #[arg(long, value_name = "FILE")]
     pub policy: Option<PathBuf>,
 }
