@@ -14,10 +14,12 @@
 //! | [`features`] | from what a node knows at a step to a frame |
 //! | [`weights`] | the weights, by name, in and out of files |
 //! | [`inference`] | the network as a function of a frame |
+//! | [`cql`] | the policy of the driver `cql`, a network of its own: what it is shown, its weights, what it does |
 //! | [`verify`] | both against the numbers of other implementations |
 //! | [`fuzzing`] | what every file must keep |
 
 pub mod constants;
+pub mod cql;
 pub mod features;
 mod frame;
 pub mod fuzzing;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
-use planner_node::{Choice, GaussNewtonOptions, ProposalsOptions, Weights};
+use planner_node::{Choice, CqlOptions, GaussNewtonOptions, ProposalsOptions, Weights};
 
 /// Serves a planner on the bus of a run
 #[derive(Debug, Parser)]
@@ -27,6 +27,8 @@ pub struct Serve {
     pub gauss_newton: GaussNewtonOptions,
     #[command(flatten)]
     pub proposals: ProposalsOptions,
+    #[command(flatten)]
+    pub cql: CqlOptions,
 }
 
 #[derive(Debug, Subcommand)]

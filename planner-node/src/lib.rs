@@ -7,6 +7,7 @@
 //! | `human` | `human.rs` | what the logged AV did; reads the scene set by itself |
 //! | `constant-velocity` | `constant_velocity.rs` | straight on |
 //! | `network` | `network.rs` | what the prediction network would do itself |
+//! | `cql` | `cql.rs` | where a policy that sees the scene from above goes next |
 //! | `proposals` | `proposals/` | the best of many ways, each tried among the predicted futures |
 //! | `gauss-newton` | `gauss_newton_planner/` | the differentiable planner; its mathematics is [`gauss_newton`] |
 //!
@@ -16,6 +17,7 @@
 //! in [`Choice::factory`].
 
 mod constant_velocity;
+mod cql;
 pub mod explain;
 mod gauss_newton_planner;
 mod human;
@@ -27,9 +29,11 @@ pub mod verify;
 use std::sync::Arc;
 
 use scenarios::{Logs, SceneSet, SetError};
+use thiserror::Error;
 use wire::node::PlannerFactory;
 
 pub use constant_velocity::ConstantVelocity;
+pub use cql::{Cql, Options as CqlOptions, PolicyError};
 pub use gauss_newton_planner::{
     GaussNewton, Init, Options as GaussNewtonOptions, Rules, Situation, Weights, WeightsError, one_step_on,
 };
@@ -53,6 +57,18 @@ pub enum PlannerKind {
     Network,
     /// The best of many ways to drive along the route, each tried among the predicted futures; needs a predictor
     Proposals,
+    /// Where a policy that sees the scene from above goes next; needs --policy
+    Cql,
+}
+
+/// A planner that cannot be had.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum PlannerError {
+    #[error(transparent)]
+    Scenes(#[from] SetError),
+    #[error(transparent)]
+    Policy(#[from] PolicyError),
 }
 
 /// Which planner, and where the log is.
@@ -68,16 +84,17 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// The planner's factory. `gauss_newton` and `proposals` are for these planners, `logs` is where planners that read the log find it; without it they open what they are told.
+    /// The planner's factory. `gauss_newton`, `proposals` and `cql` are for these planners, `logs` is where planners that read the log find it; without it they open what they are told.
     ///
     /// # Errors
-    /// [`SetError`] where the planner needs the scene set and it cannot be opened.
+    /// [`PlannerError`] where the planner needs the scene set or a policy, and it cannot be opened.
     pub fn factory(
         &self,
         gauss_newton: &GaussNewtonOptions,
         proposals: ProposalsOptions,
+        cql: &CqlOptions,
         logs: Option<Arc<dyn Logs>>,
-    ) -> Result<Arc<dyn PlannerFactory>, SetError> {
+    ) -> Result<Arc<dyn PlannerFactory>, PlannerError> {
         let logs = || match logs {
             Some(logs) => Ok(logs),
             None => SceneSet::open(&self.scenarios).map(|set| Arc::new(set) as Arc<dyn Logs>),
@@ -89,6 +106,7 @@ impl Choice {
             PlannerKind::GaussNewton => Arc::new(GaussNewton(gauss_newton.clone())),
             PlannerKind::Network => Arc::new(Network),
             PlannerKind::Proposals => Arc::new(Proposals(proposals)),
+            PlannerKind::Cql => Arc::new(Cql::open(cql)?),
         })
     }
 }

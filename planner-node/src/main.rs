@@ -41,7 +41,8 @@ fn run(cli: cli::Cli) -> anyhow::Result<ExitCode> {
     }
     // clap lets nothing pass that has neither.
     let Some(serve) = cli.serve else { bail!("nothing to do: give --planner") };
-    let factory = serve.choice.factory(&serve.gauss_newton, serve.proposals, None).context("cannot open the scenes")?;
+    let factory = serve.choice.factory(&serve.gauss_newton, serve.proposals, &serve.cql, None);
+    let factory = factory.context("cannot have the planner")?;
     Ok(match wire::node::serve_planner(&serve.node, factory)? {
         Stop::Interrupted => ExitCode::from(130),
         Stop::ParentGone | Stop::SimGone => ExitCode::SUCCESS,

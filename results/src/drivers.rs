@@ -43,7 +43,7 @@ pub struct Driver {
     pub planner_reads_log: bool,
     /// The predictor it wants.
     pub predictor: Predictor,
-    /// The repository's file of weights for it, in the folder `weights`.
+    /// The repository's file of weights for it, in the folder `weights`: the network's, or else the planner's.
     pub weights: Option<&'static str>,
     /// How the AV follows its plans under `strict`, unless asked otherwise.
     pub motion: MotionName,
@@ -165,7 +165,25 @@ pub const DRIVERS: &[Driver] = &[
         weights: Some(weights::IL),
         motion: MotionName::Bicycle,
     },
+    Driver {
+        name: "cql",
+        about: "A policy learned by conservative Q-learning that sees the scene from above; needs --weights",
+        planner: "cql",
+        planner_options: &[],
+        planner_reads_log: false,
+        predictor: Predictor::None,
+        weights: Some(weights::CQL),
+        motion: MotionName::Bicycle,
+    },
 ];
+
+impl Driver {
+    /// Whether the weights are the planner's own, and not a network's that predicts.
+    #[must_use]
+    pub fn planner_has_weights(&self) -> bool {
+        self.weights.is_some() && self.predictor == Predictor::None
+    }
+}
 
 /// The row of `name`.
 #[must_use]

@@ -11,6 +11,9 @@ pub const IL_PRED: &str = "il-pred.f16.safetensors";
 /// Those of a network that predicts nobody.
 pub const IL: &str = "il.f16.safetensors";
 
+/// The policy of the driver `cql`.
+pub const CQL: &str = "cql.f16.safetensors";
+
 /// How features are made for any of them.
 pub const FEATURES: &str = "mended";
 

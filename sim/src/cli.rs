@@ -191,7 +191,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "COMMAND", conflicts_with_all = ["predictor", "weights", "features"], help_heading = "What to drive")]
     pub predictor_command: Option<String>,
 
-    /// Weights of the prediction network, a .safetensors file [default: those of dipp, built in; sep, il-pred and il have none]
+    /// Weights of the prediction network, a .safetensors file [default: those of dipp, built in; sep, il-pred, il and cql have none]
     #[arg(long, value_name = "FILE", help_heading = "What to drive")]
     pub weights: Option<PathBuf>,
 

@@ -75,9 +75,11 @@ pub enum RequestError {
     )]
     NeedsWeights { name: &'static str, file: &'static str },
     #[error(
-        "--weights and --features are for the predictor network, and the driver {0} has another\nhint: --driver dipp, sep, il-pred or il, or --predictor network"
+        "--weights and --features are for the predictor network, and the driver {0} has another\nhint: --driver dipp, sep, il-pred or il, or --predictor network; --weights is for --driver cql too"
     )]
     NoNetwork(String),
+    #[error("the driver {0} asks nobody what others will do\nhint: leave the predictor out")]
+    DrivesAlone(&'static str),
     #[error("cannot read the weights: {0}")]
     Weights(#[from] FileError),
     #[error("cannot use the Zenoh configuration: {0}")]
@@ -114,10 +116,20 @@ impl Request {
             }
             (None, None) => {
                 let options = row.planner_options.iter().map(|option| (*option).to_owned()).collect();
-                let node = Node { options, ..Node::named(row.planner, row.planner_reads_log) };
+                let weights_sha256 = match row.weights.filter(|_| row.planner_has_weights()) {
+                    Some(file) => Some(policy(row, file, arguments.weights.as_deref())?),
+                    None => None,
+                };
+                let node = Node { options, weights_sha256, ..Node::named(row.planner, row.planner_reads_log) };
                 (Planner::Node(node), row.name, row.predictor, row.motion)
             }
         };
+        let has_policy = matches!(&planner, Planner::Node(node) if node.weights_sha256.is_some());
+        if has_policy
+            && (arguments.predictor_command.is_some() || arguments.predictor.is_some_and(|asked| asked != wants))
+        {
+            return Err(RequestError::DrivesAlone(name));
+        }
         let predicts = arguments.predictor_command;
         let is_other = predicts.is_some() || arguments.predictor.is_some_and(|asked| asked != wants);
         if wants == Predictor::Network && is_other {
@@ -140,7 +152,7 @@ impl Request {
             }
         };
         let has_network = predictor.as_ref().is_some_and(|node| node.weights_sha256.is_some());
-        if !has_network && (arguments.weights.is_some() || arguments.features.is_some()) {
+        if !has_network && (arguments.weights.is_some() && !has_policy || arguments.features.is_some()) {
             return Err(RequestError::NoNetwork(name.to_owned()));
         }
         let driver = match (&arguments.label, &predictor) {
@@ -228,6 +240,12 @@ fn network(driver: &Driver, file: Option<&Path>, features: Option<&str>) -> Resu
     let usual = if weights::is_ours(&sha256) { weights::FEATURES } else { "authors" };
     let options = vec!["--features".to_owned(), features.or(said).unwrap_or(usual).to_owned()];
     Ok(Node { options, weights_sha256: Some(sha256), ..Node::named("network", false) })
+}
+
+/// Who the weights of a planner are: those in a file.
+fn policy(driver: &Driver, usual: &'static str, file: Option<&Path>) -> Result<String, RequestError> {
+    let file = file.ok_or(RequestError::NeedsWeights { name: driver.name, file: usual })?;
+    Ok(files::sha256([file])?)
 }
 
 /// A Zenoh configuration, if it can be used.

@@ -30,10 +30,10 @@ use crate::whole_file::{self, WriteError};
 /// The form of file that is written, and read.
 const FORMAT: u32 = 1;
 const KEY: &str = "checkpoint";
-const FIRST: &str = "exp_avg.";
-const SECOND: &str = "exp_avg_sq.";
+pub(crate) const FIRST: &str = "exp_avg.";
+pub(crate) const SECOND: &str = "exp_avg_sq.";
 const STEPS: &str = "adam.steps";
-const SUMS: &str = "epoch.sums";
+pub(crate) const SUMS: &str = "epoch.sums";
 
 /// Where a training is, and of what.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -176,7 +176,7 @@ impl Checkpoint {
 }
 
 /// The numbers of a tensor as the file has them.
-enum Numbers<'a> {
+pub(crate) enum Numbers<'a> {
     F32(Vec<usize>, &'a [f32]),
     Bytes(Dtype, [usize; 1], Vec<u8>),
 }
@@ -217,7 +217,7 @@ impl View for Numbers<'_> {
     }
 }
 
-fn data<'a>(file: &SafeTensors<'a>, name: &str, dtype: Dtype, shape: &[usize]) -> Result<&'a [u8], String> {
+pub(crate) fn data<'a>(file: &SafeTensors<'a>, name: &str, dtype: Dtype, shape: &[usize]) -> Result<&'a [u8], String> {
     let view = file.tensor(name).map_err(|_| format!("tensor {name} is missing"))?;
     if (view.dtype(), view.shape()) != (dtype, shape) {
         let (got, of) = (view.dtype(), view.shape());
@@ -226,7 +226,7 @@ fn data<'a>(file: &SafeTensors<'a>, name: &str, dtype: Dtype, shape: &[usize]) -
     Ok(view.data())
 }
 
-fn fill(file: &SafeTensors<'_>, name: &str, shape: &[usize], values: &mut [f32]) -> Result<(), String> {
+pub(crate) fn fill(file: &SafeTensors<'_>, name: &str, shape: &[usize], values: &mut [f32]) -> Result<(), String> {
     let bytes = data(file, name, Dtype::F32, shape)?;
     for (value, bytes) in values.iter_mut().zip(bytes.as_chunks::<4>().0) {
         *value = f32::from_le_bytes(*bytes);

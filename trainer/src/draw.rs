@@ -11,6 +11,8 @@ pub enum Purpose {
     Order,
     /// The dropout of a step.
     Dropout,
+    /// The actions that a step of Q-learning samples.
+    Actions,
 }
 
 /// The generator.

@@ -21,6 +21,7 @@
 //! | [`draw`], [`order`] | random numbers that are the same everywhere; in which order windows are seen |
 //! | [`optimiser`] | clipping and Adam |
 //! | [`training`] | the loop |
+//! | [`cql`] | conservative Q-learning, a training of its own |
 //! | [`checkpoint`], [`metrics`], [`view`] | what it leaves: to go on from, to read, and to look at |
 //! | [`ablation`] | lists of trainings |
 //! | [`verify`] | all of it against the authors' numbers |
@@ -32,6 +33,7 @@ pub mod batch;
 pub mod checkpoint;
 pub mod commands;
 pub mod cost;
+pub mod cql;
 pub mod draw;
 pub mod examples;
 pub mod fuzzing;

@@ -37,7 +37,7 @@ fn numbered(name: &str, count: usize) -> String {
 }
 
 /// Seven digits, without those that say nothing.
-fn number(value: f64) -> String {
+pub(crate) fn number(value: f64) -> String {
     let rounded: f64 = format!("{value:.6e}").parse().unwrap_or(value);
     format!("{rounded:?}")
 }
@@ -129,14 +129,14 @@ impl EpochRow {
 
 /// A file of rows to which rows are added.
 #[derive(Debug)]
-struct Rows {
+pub(crate) struct Rows {
     path: PathBuf,
     file: File,
 }
 
 impl Rows {
     /// Keeps of what is there the rows whose number in `column` is at most `last`; begins the file where there is none.
-    fn open(path: PathBuf, header: &str, column: usize, last: u64) -> Result<Self, WriteError> {
+    pub fn open(path: PathBuf, header: &str, column: usize, last: u64) -> Result<Self, WriteError> {
         let before = match fs::read_to_string(&path) {
             Ok(text) => text,
             Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
@@ -152,11 +152,11 @@ impl Rows {
         Ok(Self { path, file })
     }
 
-    fn add(&mut self, line: &str) -> Result<(), WriteError> {
+    pub fn add(&mut self, line: &str) -> Result<(), WriteError> {
         self.file.write_all(format!("{line}\n").as_bytes()).map_err(WriteError::at(&self.path))
     }
 
-    fn sync(&self) -> Result<(), WriteError> {
+    pub fn sync(&self) -> Result<(), WriteError> {
         self.file.sync_data().map_err(WriteError::at(&self.path))
     }
 }

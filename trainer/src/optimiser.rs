@@ -77,18 +77,29 @@ impl Adam {
             }
             *steps += 1;
             let rate = if is_cost(&name) { schedule.cost_learning_rate } else { schedule.learning_rate };
-            let factors = Factors::new(settings, rate, *steps);
-            let values = parameters.values_mut()[range.clone()].par_chunks_mut(CHUNK);
-            let first = self.first[range.clone()].par_chunks_mut(CHUNK);
-            let second = self.second[range.clone()].par_chunks_mut(CHUNK);
-            let gradient = gradient[range].par_chunks(CHUNK);
-            values.zip(first).zip(second).zip(gradient).for_each(|(((values, first), second), gradient)| {
-                for (((value, first), second), gradient) in values.iter_mut().zip(first).zip(second).zip(gradient) {
-                    factors.apply(value, first, second, *gradient);
-                }
-            });
+            let values = &mut parameters.values_mut()[range.clone()];
+            let (first, second) = (&mut self.first[range.clone()], &mut self.second[range.clone()]);
+            adam(settings, rate, *steps, [values, first, second], &gradient[range]);
         }
     }
+}
+
+/// The step with the number `steps`, from 1, of numbers with their moments.
+pub(crate) fn adam(
+    settings: &AdamSettings,
+    rate: f64,
+    steps: u64,
+    [values, first, second]: [&mut [f32]; 3],
+    gradient: &[f32],
+) {
+    let factors = Factors::new(settings, rate, steps);
+    let moments = first.par_chunks_mut(CHUNK).zip(second.par_chunks_mut(CHUNK));
+    let all = values.par_chunks_mut(CHUNK).zip(moments).zip(gradient.par_chunks(CHUNK));
+    all.for_each(|((values, (first, second)), gradient)| {
+        for (((value, first), second), gradient) in values.iter_mut().zip(first).zip(second).zip(gradient) {
+            factors.apply(value, first, second, *gradient);
+        }
+    });
 }
 
 /// What a tensor's numbers have in common in a step.

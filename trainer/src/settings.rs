@@ -7,6 +7,7 @@
 use std::path::PathBuf;
 
 use network::weights::{CostForm, Variant};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use toml::{Table, Value};
@@ -256,7 +257,7 @@ impl Default for CostSettings {
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SettingsError {
     /// The file.
-    #[error("{0}\nhint: docs/learning.md shows every setting")]
+    #[error("{0}\nhint: docs/learning.md shows every setting, docs/cql.md those of cql")]
     File(String),
     /// A change of it.
     #[error(
@@ -289,15 +290,9 @@ impl Settings {
     /// # Errors
     /// [`SettingsError`] names line or key.
     pub fn read(text: &str, changes: &[String]) -> Result<Self, SettingsError> {
-        // First as it stands: these messages show the line.
-        toml::from_str::<Self>(text).map_err(|error| SettingsError::File(error.to_string().trim_end().to_owned()))?;
-        let mut table: Table = toml::from_str(text).map_err(|error| SettingsError::File(error.to_string()))?;
-        for change in changes {
-            let refused = |reason: String| SettingsError::Change { change: change.clone(), reason };
-            merge(&mut table, parse_change(change).map_err(refused)?);
-            table.clone().try_into::<Self>().map_err(|error| refused(error.message().to_owned()))?;
-        }
-        Self::of_table(table)
+        let settings: Self = read(text, changes)?;
+        settings.check()?;
+        Ok(settings)
     }
 
     /// Those of a table in which any may be left out.
@@ -326,19 +321,7 @@ impl Settings {
     /// How training goes otherwise than by `other`: `batch is 16 here and 32 there`.
     #[must_use]
     pub fn differences(&self, other: &Table) -> Vec<String> {
-        let (mut here, mut there) = (Vec::new(), Vec::new());
-        flatten("", &self.table(), &mut here);
-        flatten("", other, &mut there);
-        let said = |list: &[(String, String)], key: &str| {
-            let found = list.iter().find(|(own, _)| own == key);
-            found.map_or_else(|| "not set".to_owned(), |(_, value)| value.clone())
-        };
-        let only_there = there.iter().filter(|(key, _)| !here.iter().any(|(own, _)| own == key));
-        let keys = here.iter().chain(only_there).map(|(key, _)| key).filter(|key| !FREE.contains(&key.as_str()));
-        keys.map(|key| (key, said(&here, key), said(&there, key)))
-            .filter(|(_, here, there)| here != there)
-            .map(|(key, here, there)| format!("{key} is {here} here and {there} there"))
-            .collect()
+        differences(&self.table(), other, &FREE)
     }
 
     /// Which network is trained.
@@ -377,6 +360,36 @@ impl Settings {
         no_less_than_0("cost.prior", self.cost.prior)?;
         self.cost.learning_rate.map_or(Ok(()), |rate| positive("cost.learning_rate", rate))
     }
+}
+
+/// Settings of a file with changes, of whatever training; what makes no sense is not found here.
+pub(crate) fn read<S: DeserializeOwned>(text: &str, changes: &[String]) -> Result<S, SettingsError> {
+    // First as it stands: these messages show the line.
+    toml::from_str::<S>(text).map_err(|error| SettingsError::File(error.to_string().trim_end().to_owned()))?;
+    let mut table: Table = toml::from_str(text).map_err(|error| SettingsError::File(error.to_string()))?;
+    for change in changes {
+        let refused = |reason: String| SettingsError::Change { change: change.clone(), reason };
+        merge(&mut table, parse_change(change).map_err(refused)?);
+        table.clone().try_into::<S>().map_err(|error| refused(error.message().to_owned()))?;
+    }
+    table.try_into().map_err(|error| SettingsError::File(error.message().to_owned()))
+}
+
+/// In what two tables of settings differ, but for the keys that are `free` to.
+pub(crate) fn differences(here: &Table, there: &Table, free: &[&str]) -> Vec<String> {
+    let (mut own, mut other) = (Vec::new(), Vec::new());
+    flatten("", here, &mut own);
+    flatten("", there, &mut other);
+    let said = |list: &[(String, String)], key: &str| {
+        let found = list.iter().find(|(own, _)| own == key);
+        found.map_or_else(|| "not set".to_owned(), |(_, value)| value.clone())
+    };
+    let only_there = other.iter().filter(|(key, _)| !own.iter().any(|(own, _)| own == key));
+    let keys = own.iter().chain(only_there).map(|(key, _)| key).filter(|key| !free.contains(&key.as_str()));
+    keys.map(|key| (key, said(&own, key), said(&other, key)))
+        .filter(|(_, here, there)| here != there)
+        .map(|(key, here, there)| format!("{key} is {here} here and {there} there"))
+        .collect()
 }
 
 /// Puts `changes` over `table`; tables within are merged, all else is replaced.

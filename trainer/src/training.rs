@@ -104,6 +104,11 @@ pub enum TrainingError {
         "there are no windows to train on, of {0} in all\nhint: prepare some of more scenes, or hold back fewer for validation"
     )]
     NoWindows(usize),
+    /// There is not enough to fill a step.
+    #[error(
+        "there are {0} transitions to train on, and a step takes {1}\nhint: prepare some of more scenes, or set batch_size"
+    )]
+    NoTransitions(usize, usize),
     /// A window cannot be read.
     #[error("window {index}: {source:#}")]
     Window {
@@ -183,7 +188,7 @@ pub fn train(task: Task<'_>, learner: &mut dyn Learner, watch: &mut dyn Watch) -
 }
 
 /// Nobody else may train in the folder while this is held.
-fn lock(folder: &Path) -> Result<File, TrainingError> {
+pub(crate) fn lock(folder: &Path) -> Result<File, TrainingError> {
     let path = folder.join(".lock");
     let file = File::create(&path).map_err(WriteError::at(&path))?;
     match file.try_lock() {

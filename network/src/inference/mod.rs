@@ -30,7 +30,7 @@ mod map;
 mod motion;
 mod points;
 mod pooling;
-mod product;
+pub(crate) mod product;
 #[cfg(test)]
 mod reference;
 mod source;

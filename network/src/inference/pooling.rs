@@ -26,7 +26,7 @@ impl Kernel {
     pub const PACKED_HEADS: usize = WIDTH * HEAD_STRIDE;
 
     /// The rows of eight heads, turned for [`Scores`].
-    pub fn pack_heads(self, heads: &[f32], packed: &mut [f32]) {
+    pub(super) fn pack_heads(self, heads: &[f32], packed: &mut [f32]) {
         let lanes = self.lanes.min(HEAD_STRIDE);
         for (head, row) in heads.as_chunks::<WIDTH>().0.iter().enumerate().take(HEADS) {
             let (panel, lane) = (head / lanes, head % lanes);
@@ -36,12 +36,12 @@ impl Kernel {
         }
     }
 
-    pub fn scores(self, scores: Scores<'_>) {
+    pub(super) fn scores(self, scores: Scores<'_>) {
         self.arch.dispatch(scores);
     }
 
     /// `sums[head][k]` = the sum over points of their weight by that head times their row's `k`, first point first.
-    pub fn pool(self, weights: &[[f32; HEADS]], points: &[f32], sums: &mut [f32]) {
+    pub(super) fn pool(self, weights: &[[f32; HEADS]], points: &[f32], sums: &mut [f32]) {
         self.arch.dispatch(Pool { weights, points, sums });
     }
 }

@@ -13,7 +13,7 @@ use super::aligned::Aligned;
 
 /// The vector instructions of this machine.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Kernel {
+pub(crate) struct Kernel {
     pub arch: Arch,
     /// Numbers in a vector.
     pub lanes: usize,
@@ -22,13 +22,13 @@ pub(super) struct Kernel {
 /// Columns are padded to a multiple of this: two vectors of the widest machine.
 const COLUMNS: usize = 32;
 /// Rows come in multiples of this.
-pub(super) const ROWS: usize = 4;
+pub(crate) const ROWS: usize = 4;
 /// So many rows go through all panels before the next ones do: they stay in the cache.
 const BLOCK: usize = 96;
 
 /// What a sum begins with.
 #[derive(Clone, Copy)]
-pub(super) enum Start<'a> {
+pub(crate) enum Start<'a> {
     /// The bias of its column.
     Bias(&'a [f32]),
     /// What is in its place.
@@ -39,7 +39,7 @@ pub(super) enum Start<'a> {
 
 /// What becomes of a sum.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum End {
+pub(crate) enum End {
     Sum,
     /// No less than 0.
     Relu,
@@ -47,7 +47,7 @@ pub(super) enum End {
 
 /// Rows of a matrix: the first at the start of `numbers`, each `stride` after the one before.
 #[derive(Clone, Copy)]
-pub(super) struct Rows<'a> {
+pub(crate) struct Rows<'a> {
     pub numbers: &'a [f32],
     pub stride: usize,
 }
@@ -79,7 +79,7 @@ impl Kernel {
 
 /// A linear layer, packed for one machine.
 #[derive(Clone, Debug)]
-pub(super) struct Linear {
+pub(crate) struct Linear {
     kernel: Kernel,
     inputs: usize,
     outputs: usize,

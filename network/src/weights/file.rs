@@ -77,13 +77,9 @@ impl Weights {
     /// # Errors
     /// [`WeightsError::TooLarge`] where half precision has no such number.
     pub fn write(&self, precision: Precision) -> Result<Vec<u8>, WeightsError> {
-        let mut parts: Vec<(&str, Dtype, &[usize], Vec<u8>)> = Vec::new();
+        let mut parts = Vec::new();
         for (name, tensor) in &self.tensors {
-            let (dtype, bytes) = match precision {
-                Precision::Single => (Dtype::F32, tensor.values.iter().flat_map(|value| value.to_le_bytes()).collect()),
-                Precision::Half => (Dtype::F16, halves(name, &tensor.values)?),
-            };
-            parts.push((name, dtype, &tensor.shape, bytes));
+            parts.push(part(name, &tensor.shape, &tensor.values, precision)?);
         }
         if self.variant.has_cost() {
             for (name, shape, constant) in BUFFERS {
@@ -94,15 +90,39 @@ impl Weights {
                 parts.push((name, Dtype::I64, shape, constant.iter().flat_map(|value| value.to_le_bytes()).collect()));
             }
         }
-        let mut views = Vec::new();
-        for (name, dtype, shape, bytes) in &parts {
-            let view = TensorView::new(*dtype, shape.to_vec(), bytes);
-            views.push((*name, view.map_err(|error| WeightsError::Format(error.to_string()))?));
-        }
-        // One key: more would be written in the order of a hash. Tensors the library sorts by type and name.
+        // One key: more would be written in the order of a hash.
         let metadata = self.features.map(|features| HashMap::from([(FEATURES.to_owned(), features.name().to_owned())]));
-        safetensors::serialize(views, metadata).map_err(|error| WeightsError::Format(error.to_string()))
+        serialize(&parts, metadata)
     }
+}
+
+/// A tensor as a file has it: name, type, shape, bytes.
+pub(crate) type Part<'a> = (&'a str, Dtype, &'a [usize], Vec<u8>);
+
+/// The tensor `name` of these numbers.
+pub(crate) fn part<'a>(
+    name: &'a str,
+    shape: &'a [usize],
+    values: &[f32],
+    precision: Precision,
+) -> Result<Part<'a>, WeightsError> {
+    Ok(match precision {
+        Precision::Single => (name, Dtype::F32, shape, values.iter().flat_map(|value| value.to_le_bytes()).collect()),
+        Precision::Half => (name, Dtype::F16, shape, halves(name, values)?),
+    })
+}
+
+/// A file of these tensors, which the library sorts by type and name.
+pub(crate) fn serialize(
+    parts: &[Part<'_>],
+    metadata: Option<HashMap<String, String>>,
+) -> Result<Vec<u8>, WeightsError> {
+    let mut views = Vec::new();
+    for (name, dtype, shape, bytes) in parts {
+        let view = TensorView::new(*dtype, shape.to_vec(), bytes);
+        views.push((*name, view.map_err(|error| WeightsError::Format(error.to_string()))?));
+    }
+    safetensors::serialize(views, metadata).map_err(|error| WeightsError::Format(error.to_string()))
 }
 
 /// On whose features the weights in a file were trained, if it says so and is read that far.
@@ -116,7 +136,7 @@ fn word(bytes: &[u8]) -> Option<String> {
     head.metadata().as_ref()?.get(FEATURES).cloned()
 }
 
-fn check_shape(name: &str, expected: &[usize], view: &TensorView<'_>) -> Result<(), WeightsError> {
+pub(crate) fn check_shape(name: &str, expected: &[usize], view: &TensorView<'_>) -> Result<(), WeightsError> {
     if view.shape() == expected {
         return Ok(());
     }
@@ -127,7 +147,7 @@ fn wrong_type(name: &str, expected: &'static str, view: &TensorView<'_>) -> Weig
     WeightsError::Type { name: name.to_owned(), expected, got: format!("{:?}", view.dtype()) }
 }
 
-fn numbers(name: &str, view: &TensorView<'_>) -> Result<Vec<f32>, WeightsError> {
+pub(crate) fn numbers(name: &str, view: &TensorView<'_>) -> Result<Vec<f32>, WeightsError> {
     let values: Vec<f32> = match view.dtype() {
         Dtype::F32 => view.data().as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect(),
         Dtype::F16 => view.data().as_chunks::<2>().0.iter().map(|bytes| f16::from_le_bytes(*bytes).to_f32()).collect(),

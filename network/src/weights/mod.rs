@@ -14,7 +14,7 @@
 //! | `formula` | weights for tests, by a formula |
 
 mod error;
-mod file;
+pub(crate) mod file;
 mod formula;
 pub(crate) mod layout;
 #[cfg(test)]

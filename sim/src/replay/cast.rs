@@ -33,7 +33,7 @@ pub enum CastError {
         "the run was driven with the weights that were built in then, SHA-256 {0}; others are now\nhint: --weights FILE, a copy of those"
     )]
     OtherBuiltIn(String),
-    #[error("--weights is for the prediction network, and the run has none\nhint: leave it out")]
+    #[error("--weights is for the prediction network or the policy of cql, and the run has none\nhint: leave it out")]
     NoNetwork,
 }
 
@@ -106,8 +106,12 @@ pub fn take_as_long(request: &mut Request, folder: &Path) -> Result<(), CastErro
 
 /// Where the weights of the run are; none where it has none, or those that are built in.
 fn own_weights(file: &RunFile, asked: Option<&Path>) -> Result<Option<String>, CastError> {
-    let node = file.settings.predictor.as_ref();
-    let Some(sha256) = node.and_then(|node| node.weights_sha256.clone()) else {
+    let planner = match &file.settings.planner {
+        Planner::Node(node) => Some(node),
+        Planner::Command { .. } | Planner::External => None,
+    };
+    let mut nodes = file.settings.predictor.iter().chain(planner);
+    let Some(sha256) = nodes.find_map(|node| node.weights_sha256.clone()) else {
         return if asked.is_some() { Err(CastError::NoNetwork) } else { Ok(None) };
     };
     let path = asked.map(Path::to_owned).or_else(|| file.machine.weights.as_ref().map(PathBuf::from));

@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use clap::Parser;
+use planner_node::PlannerError;
 use predictor_node::PredictorError;
 use results::settings::{Machine, Node, Planner, Settings};
-use scenarios::{Logs, SetError};
+use scenarios::Logs;
 use thiserror::Error;
 use wire::hub::Minds;
 use world::scene::{Scene, SceneId};
@@ -22,7 +23,7 @@ pub enum InProcessError {
     #[error("{node} does not take these arguments: {error}")]
     Arguments { node: &'static str, error: clap::Error },
     #[error(transparent)]
-    Scenes(#[from] SetError),
+    Planner(#[from] PlannerError),
     #[error(transparent)]
     Predictor(#[from] PredictorError),
 }
@@ -35,6 +36,8 @@ struct PlannerLine {
     gauss_newton: planner_node::GaussNewtonOptions,
     #[command(flatten)]
     proposals: planner_node::ProposalsOptions,
+    #[command(flatten)]
+    cql: planner_node::CqlOptions,
 }
 
 #[derive(Parser)]
@@ -51,7 +54,7 @@ pub fn minds(settings: &Settings, machine: &Machine, logs: &Arc<DrivenLogs>) -> 
     let Planner::Node(planner) = &settings.planner else { return Err(InProcessError::NotOurs) };
     let logs = || Some(Arc::clone(logs) as Arc<dyn Logs>);
     let line = parsed::<PlannerLine>("planner-node", "--planner", planner, machine)?;
-    let planner = line.choice.factory(&line.gauss_newton, line.proposals, logs())?;
+    let planner = line.choice.factory(&line.gauss_newton, line.proposals, &line.cql, logs())?;
     if settings.predictor.as_ref().is_some_and(|node| node.command.is_some()) {
         return Err(InProcessError::NotOurs);
     }
@@ -64,9 +67,14 @@ pub fn minds(settings: &Settings, machine: &Machine, logs: &Arc<DrivenLogs>) -> 
 
 fn parsed<L: Parser>(program: &'static str, which: &str, node: &Node, machine: &Machine) -> Result<L, InProcessError> {
     let weights = machine.weights.iter().filter(|_| node.weights_sha256.is_some());
-    let weights = weights.flat_map(|path| ["--weights", path]);
+    let weights = weights.flat_map(|path| [weights_option(which), path]);
     let line = [program, which, &node.name].into_iter().chain(node.options.iter().map(String::as_str)).chain(weights);
     L::try_parse_from(line).map_err(|error| InProcessError::Arguments { node: program, error })
+}
+
+/// How a node, called by `which`, is told its weights: a planner's `--weights` are those of a cost.
+pub fn weights_option(which: &str) -> &'static str {
+    if which == "--planner" { "--policy" } else { "--weights" }
 }
 
 /// The logs of the scenes that are driven now, for who reads them: no scene is read twice.

@@ -21,6 +21,7 @@ use super::calling;
 use super::clock::Clock;
 use super::core::{Drive, Event};
 use super::drive::{Driven, drive};
+use super::in_process::weights_option;
 use super::lag::Lag;
 use super::line::LineDriver;
 use super::process::Process;
@@ -185,7 +186,8 @@ impl Worker<'_> {
         arguments.extend(index.iter().flat_map(|index| ["--scenarios", index.as_str()]));
         arguments.extend(node.options.iter().map(String::as_str));
         if node.weights_sha256.is_some() {
-            arguments.extend(self.shared.file.machine.weights.iter().flat_map(|path| ["--weights", path.as_str()]));
+            let weights = self.shared.file.machine.weights.iter();
+            arguments.extend(weights.flat_map(|path| [weights_option(&which), path.as_str()]));
         }
         self.shared.start_program(program, &format!("{role} {worker}"), &arguments, seat, &self.shared.groups)
     }

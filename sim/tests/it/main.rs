@@ -82,13 +82,13 @@ fn help_says_what_can_be_typed() {
                                          option
           --driver <NAME>                Who drives [default: proposals] [possible values: idm, human,
                                          constant-velocity, gn-ctrv, gn-oracle, proposals, contingency,
-                                         dipp, sep, il-pred, il]
+                                         dipp, sep, il-pred, il, cql]
           --predictor <NAME>             Where predictions come from [default: what the driver wants]
                                          [possible values: none, ctrv, ctra, oracle, network]
           --predictor-command <COMMAND>  A predictor of your own: a shell command, as --planner-command
           --weights <FILE>               Weights of the prediction network, a .safetensors file
-                                         [default: those of dipp, built in; sep, il-pred and il have
-                                         none]
+                                         [default: those of dipp, built in; sep, il-pred, il and cql
+                                         have none]
           --features <STYLE>             How the network's features are made: authors, for weights of
                                          theirs, or mended [default: as the weights say, or else
                                          authors] [possible values: authors, mended]
@@ -270,7 +270,7 @@ fn what_makes_no_sense_is_refused_with_code_2_and_a_hint() {
     --- stdout
     --- stderr
     error: invalid value 'nobody' for '--driver <NAME>'
-      [possible values: idm, human, constant-velocity, gn-ctrv, gn-oracle, proposals, contingency, dipp, sep, il-pred, il]
+      [possible values: idm, human, constant-velocity, gn-ctrv, gn-oracle, proposals, contingency, dipp, sep, il-pred, il, cql]
 
     For more information, try '--help'.
     ");
@@ -342,7 +342,7 @@ fn what_makes_no_sense_is_refused_with_code_2_and_a_hint() {
     --- stdout
     --- stderr
     error: --weights and --features are for the predictor network, and the driver idm has another
-    hint: --driver dipp, sep, il-pred or il, or --predictor network
+    hint: --driver dipp, sep, il-pred or il, or --predictor network; --weights is for --driver cql too
     ");
     insta::assert_snapshot!(sim(path, &["score", "."]), @"
     code 2

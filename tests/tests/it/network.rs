@@ -4,6 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use network::cql::Policy;
 use network::weights::{Variant, Weights};
 use results::parquet::Table;
 use results::{files, weights};
@@ -27,13 +28,18 @@ fn the_weights_of_the_repository_are_those_of_its_list_and_of_their_networks() {
         let read = Weights::read(&fs::read(ours(name)).unwrap()).unwrap();
         assert_eq!(read.variant(), variant, "{name}");
     }
-    assert_eq!(weights::sums().count(), variants.len());
+    let sum = files::sha256([ours(weights::CQL).as_path()]).unwrap();
+    assert!(weights::sums().any(|listed| listed == (&*sum, weights::CQL)), "write weights/SHA256SUMS anew");
+    Policy::read(&fs::read(ours(weights::CQL)).unwrap()).unwrap();
+    assert_eq!(weights::sums().count(), variants.len() + 1);
 }
 
 #[test]
 fn each_driver_drives_with_the_weights_of_the_repository() {
     let stage = Stage::new();
-    for (driver, name) in [("sep", weights::IL_PRED), ("il-pred", weights::IL_PRED), ("il", weights::IL)] {
+    for (driver, name) in
+        [("sep", weights::IL_PRED), ("il-pred", weights::IL_PRED), ("il", weights::IL), ("cql", weights::CQL)]
+    {
         let weights = ours(name);
         let ended = stage.sim(&format!(
             "run --scenarios small.toml --record none --set horizon=10 --driver {driver} --weights {} --out {driver}",

@@ -5,6 +5,7 @@
 
 mod ablate;
 mod bench;
+mod cql;
 mod evaluate;
 mod inspect;
 mod prepare;
@@ -13,7 +14,7 @@ mod train;
 mod verify;
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context;
@@ -22,10 +23,12 @@ use clap::{Args, Subcommand, ValueEnum};
 use crate::learner::Reckoner;
 use crate::settings::Settings;
 use crate::step::Learner;
+use crate::training::Ended;
 use crate::windows::Windows;
 
 pub use ablate::Ablate;
 pub use bench::Bench;
+pub use cql::Cql;
 pub use evaluate::Evaluate;
 pub use inspect::Inspect;
 pub use prepare::Prepare;
@@ -42,6 +45,8 @@ pub enum Command {
     Prepare(Prepare),
     /// Train a network on windows, from the beginning or from where it stopped
     Train(Train),
+    /// Train the policy of the driver cql on transitions, from the beginning or from where it stopped
+    Cql(Cql),
     /// Losses and displacement errors of weights on windows
     Evaluate(Evaluate),
     /// What a checkpoint holds: settings, how far it is, norms, the learned cost
@@ -63,11 +68,26 @@ impl Command {
         match self {
             Self::Prepare(prepare) => prepare.run(),
             Self::Train(train) => train.run(),
+            Self::Cql(cql) => cql.run(),
             Self::Evaluate(evaluate) => evaluate.run(),
             Self::Inspect(inspect) => inspect.run(),
             Self::Ablate(ablate) => ablate.run(),
             Self::Verify(verify) => verify.run(),
             Self::Bench(bench) => bench.run(),
+        }
+    }
+}
+
+/// Tells how a training ended.
+fn told(ended: Ended, folder: &Path) -> anyhow::Result<ExitCode> {
+    match ended {
+        Ended::Finished => {
+            terminal::say(&format!("{}\n", folder.join("weights.safetensors").display()))?;
+            Ok(ExitCode::SUCCESS)
+        }
+        Ended::Stopped => {
+            eprintln!("interrupted; the same command with --resume goes on from there");
+            Ok(ExitCode::from(INTERRUPTED))
         }
     }
 }

@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::windows::{Order, PrepareError, Prepared, Recipe, Split, Whose, prepare};
+use crate::windows::{Cutting, Drawn, Order, PrepareError, Prepared, Recipe, Split, Whose, prepare};
 use anyhow::{Result, anyhow};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -40,6 +40,10 @@ pub struct Prepare {
     /// Whose features
     #[arg(long, value_enum, value_name = "WHOSE", default_value_t = Whose::Mended)]
     features: Whose,
+
+    /// Instead of windows make transitions for `trainer cql`: what is seen from above at each step, and what the AV does
+    #[arg(long, conflicts_with_all = ["stride", "others", "features"])]
+    transitions: bool,
 
     /// Threads, one a core if left out; the bytes are the same for any number
     #[arg(long, value_name = "N")]
@@ -75,6 +79,7 @@ impl Prepare {
         let jobs = self.jobs.map_or_else(default_jobs, |jobs| usize::from(jobs.get()));
         let Self { stride, others, features, .. } = self;
         let recipe = Recipe { features, stride, others };
+        let recipe: &dyn Cutting = if self.transitions { &Drawn::default() } else { &recipe };
         let order = Order { set: &set, recipe, split: &split, out: &self.out, jobs };
         let stop = interrupts();
         let bar = bar(set.entries().iter().filter(|entry| split.role(entry.id.as_str()).is_some()).count());

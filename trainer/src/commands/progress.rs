@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::INTERRUPTED;
+use crate::cql::{self, EpochMeans, Report};
 use crate::metrics::{EpochRow, StepRow};
 use crate::settings::Settings;
 use crate::training::Watch;
@@ -50,9 +51,9 @@ impl Progress {
     }
 }
 
-impl Watch for Progress {
-    fn begin(&mut self, name: &str, settings: &Settings, steps: u64, done: u64) {
-        self.epochs = settings.epochs;
+impl Progress {
+    fn start(&mut self, name: &str, epochs: usize, steps: u64, done: u64) {
+        self.epochs = epochs;
         self.bar.set_prefix(name.to_owned());
         if done > 0 {
             self.line(&format!("{name}: {done} of {steps} steps are done already"));
@@ -68,6 +69,16 @@ impl Watch for Progress {
         if io::stderr().is_terminal() {
             self.bar.set_draw_target(ProgressDrawTarget::stderr());
         }
+    }
+
+    fn is_pressed(&self) -> bool {
+        self.pressed.load(Ordering::Relaxed)
+    }
+}
+
+impl Watch for Progress {
+    fn begin(&mut self, name: &str, settings: &Settings, steps: u64, done: u64) {
+        self.start(name, settings.epochs, steps, done);
     }
 
     fn step(&mut self, row: &StepRow) {
@@ -98,6 +109,37 @@ impl Watch for Progress {
     }
 
     fn stop(&self) -> bool {
-        self.pressed.load(Ordering::Relaxed)
+        self.is_pressed()
+    }
+}
+
+impl cql::Watch for Progress {
+    fn begin(&mut self, name: &str, epochs: usize, steps: u64, done: u64) {
+        self.start(name, epochs, steps, done);
+    }
+
+    fn step(&mut self, epoch: usize, report: &Report, speed: f64) {
+        let [bellman, gap, ..] = report.0;
+        let text = format!("epoch {epoch}, Bellman error {bellman:.3}, gap {gap:.2}, {speed:.0} transitions/s");
+        self.bar.set_message(text);
+        self.bar.inc(1);
+    }
+
+    fn epoch(&mut self, row: &EpochMeans) {
+        let parts = Report::NAMES.iter().zip(row.report.0).map(|(name, value)| format!("{name} {value:.3}"));
+        let parts: Vec<String> = parts.collect();
+        let mut text = format!("{}: epoch {}/{}: {}", self.bar.prefix(), row.epoch, self.epochs, parts.join(", "));
+        if !row.errors.is_empty() {
+            let errors: Vec<String> = row.errors.iter().map(|error| format!("{error:.4}")).collect();
+            text += &format!("; validation: off by {}", errors.join(", "));
+        }
+        if let Some(speed) = row.speed {
+            text += &format!("; {speed:.1} transitions/s");
+        }
+        self.line(&text);
+    }
+
+    fn stop(&self) -> bool {
+        self.is_pressed()
     }
 }

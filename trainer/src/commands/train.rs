@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use clap::Args;
 
 use super::progress::Progress;
-use super::{Chosen, Drawing, INTERRUPTED, Means};
-use crate::training::{Ended, Task, train};
+use super::{Chosen, Drawing, Means};
+use crate::training::{Task, train};
 
 /// Arguments of `train`.
 #[derive(Debug, Args)]
@@ -44,15 +44,6 @@ impl Train {
         let task = Task { settings: &settings, examples: &examples, folder: &self.out, resume, rerun };
         let ended = train(task, learner.as_mut(), &mut progress);
         progress.end();
-        match ended? {
-            Ended::Finished => {
-                terminal::say(&format!("{}\n", self.out.join("weights.safetensors").display()))?;
-                Ok(ExitCode::SUCCESS)
-            }
-            Ended::Stopped => {
-                eprintln!("interrupted; the same command with --resume goes on from there");
-                Ok(ExitCode::from(INTERRUPTED))
-            }
-        }
+        super::told(ended?, &self.out)
     }
 }

@@ -8,12 +8,14 @@
 //! | `products` | linear layers, products of matrices, heads of attention |
 //! | `pointwise` | activations, sums, dropout, layer norms |
 //! | `rows` | rows picked, matrices side by side |
+//! | `patches` | what the filters of a convolution see |
 //! | `recurrent` | LSTMs of two layers |
 //! | `attention` | attention to chosen rows, and within groups |
 //! | `spare` | memory that is used again |
 //! | `wide` | loops on wide vectors |
 
 mod attention;
+mod patches;
 mod pointwise;
 mod products;
 mod recurrent;
@@ -28,6 +30,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 pub use attention::Slot;
+pub use patches::Patches;
 pub use products::Activation;
 pub use recurrent::LstmLayer;
 pub use rows::Part;
@@ -156,6 +159,11 @@ impl<'a, T: Scalar> Tape<'a, T> {
     /// Numbers that are learned: their gradient is added at `place` of the row of parameters.
     pub fn parameter(&mut self, rows: usize, columns: usize, data: &'a [T], place: Range<usize>) -> Var {
         self.push(rows, columns, Cow::Borrowed(data), Some(place), true, None)
+    }
+
+    /// Numbers of a row of parameters that are not learned here.
+    pub fn fixed(&mut self, rows: usize, columns: usize, data: &'a [T]) -> Var {
+        self.push(rows, columns, Cow::Borrowed(data), None, false, None)
     }
 
     /// The same numbers, through which no gradient comes.

@@ -72,6 +72,25 @@ impl<'a, T: Scalar> Tape<'a, T> {
         )
     }
 
+    /// `f(x)`, number by number.
+    pub fn activated(&mut self, x: Var, activation: Activation) -> Var {
+        let (rows, columns) = (self.value(x).rows, self.value(x).columns);
+        let mut y = self.spare.any(rows * columns);
+        y.copy_from_slice(&self.value(x).data);
+        activation.apply(&mut y);
+        let this = Var(self.backs.len());
+        self.result(
+            &[x],
+            rows,
+            columns,
+            y,
+            Box::new(move |values, mut gradient, gradients| {
+                activation.back(&mut gradient, &values.get(this).data);
+                gradients.give(values, x, gradient);
+            }),
+        )
+    }
+
     /// `a b`.
     pub fn product(&mut self, a: Var, b: Var) -> Var {
         let size @ [n, inner, m] = [self.value(a).rows, self.value(a).columns, self.value(b).columns];

@@ -26,6 +26,19 @@ impl<'a, T: Scalar> Tape<'a, T> {
         )
     }
 
+    /// The same numbers in rows of another length.
+    pub fn reshaped(&mut self, x: Var, rows: usize, columns: usize) -> Var {
+        let mut y = self.spare.any(rows * columns);
+        y.copy_from_slice(&self.value(x).data);
+        self.result(
+            &[x],
+            rows,
+            columns,
+            y,
+            Box::new(move |values, gradient, gradients| gradients.give(values, x, gradient)),
+        )
+    }
+
     /// Matrices of one width, one below the other.
     pub fn stack(&mut self, parts: Vec<Var>) -> Var {
         let width = parts.first().map_or(0, |part| self.value(*part).columns);

@@ -56,6 +56,7 @@ fn linear_layers_and_products() {
     holds(&[(3, 4), (5, 4), (1, 5)], |tape, v| tape.linear(v[0], v[1], Some(v[2]), Activation::Relu));
     holds(&[(3, 4), (5, 4)], |tape, v| tape.linear(v[0], v[1], None, Activation::Elu));
     holds(&[(3, 4), (4, 2)], |tape, v| tape.product(v[0], v[1]));
+    holds(&[(3, 4)], |tape, v| tape.activated(v[0], Activation::Relu));
 }
 
 #[test]
@@ -74,6 +75,25 @@ fn rows() {
         let part = |var, at, transposed| Part { var, at, transposed, first_is_fixed: false };
         tape.assembled(5, 6, vec![part(v[0], (1, 0), true), part(v[1], (0, 4), false)])
     });
+}
+
+#[test]
+fn what_filters_see() {
+    // Two pictures of 5 x 5 places of two numbers; filters overlap, and the last row and column are seen by none.
+    let patches = Patches { side: 5, channels: 2, kernel: 2, stride: 1 };
+    holds(&[(50, 2)], |tape, v| tape.patches(v[0], patches));
+    holds(&[(50, 2)], |tape, v| tape.patches(v[0], Patches { kernel: 3, stride: 2, ..patches }));
+    holds(&[(50, 2)], |tape, v| tape.patches(v[0], Patches { stride: 2, ..patches }));
+    holds(&[(6, 2)], |tape, v| tape.reshaped(v[0], 3, 4));
+}
+
+#[test]
+fn a_filter_sees_the_places_of_its_corner() {
+    let mut tape = Tape::<f64>::new(None, Spare::default());
+    let x = tape.constant(9, 1, (0..9).map(f64::from).collect());
+    let y = tape.patches(x, Patches { side: 3, channels: 1, kernel: 2, stride: 1 });
+    let rows: Vec<&[f64]> = tape.value(y).data.chunks(4).collect();
+    assert_eq!(rows, [[0.0, 1.0, 3.0, 4.0], [1.0, 2.0, 4.0, 5.0], [3.0, 4.0, 6.0, 7.0], [4.0, 5.0, 7.0, 8.0]]);
 }
 
 #[test]

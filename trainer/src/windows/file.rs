@@ -9,6 +9,7 @@ use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
+use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
 
 use super::codec;
@@ -22,6 +23,7 @@ use super::window::Window;
 #[derive(Debug)]
 pub struct Windows {
     files: Vec<WindowsFile>,
+    recipe: Recipe,
     training: Vec<usize>,
     validation: Vec<usize>,
 }
@@ -45,9 +47,8 @@ pub(super) struct WindowsFile {
     path: PathBuf,
     source: Source,
     pub head: Head,
-    recipe: Recipe,
-    /// Number of its first window among those of all files.
-    first: usize,
+    /// Number of its first piece among those of all files.
+    pub first: usize,
 }
 
 #[derive(Debug)]
@@ -85,29 +86,16 @@ impl Windows {
     }
 
     fn of(mut files: Vec<WindowsFile>) -> Result<Self, WindowsError> {
-        let Some(recipe) = files.first().map(|file| file.recipe) else { return Err(WindowsError::NoFile) };
-        if let Some(other) = files.iter().find(|file| file.recipe.features != recipe.features) {
-            let paths = Box::new([files[0].path.clone(), other.path.clone()]);
+        let recipes: Vec<Recipe> = files.iter().map(WindowsFile::recipe).collect::<Result<_, _>>()?;
+        let Some(&recipe) = recipes.first() else { return Err(WindowsError::NoFile) };
+        if let Some(other) = recipes.iter().position(|other| other.features != recipe.features) {
+            let paths = Box::new([files[0].path.clone(), files[other].path.clone()]);
             return Err(WindowsError::OtherFeatures { paths });
         }
-        let (mut first, mut roles) = (0, BTreeMap::new());
-        let (mut training, mut validation) = (Vec::new(), Vec::new());
-        for file in &mut files {
-            for scene in &file.head.scenes {
-                if *roles.entry(scene.id.clone()).or_insert(scene.role) != scene.role {
-                    return Err(WindowsError::BothRoles { scene: scene.id.clone(), path: file.path.clone() });
-                }
-            }
-            file.first = first;
-            for place in &file.head.places {
-                match file.head.scenes[place.scene as usize].role {
-                    Role::Training => training.push(first),
-                    Role::Validation => validation.push(first),
-                }
-                first += 1;
-            }
-        }
-        let mut windows = Self { files, training, validation };
+        let all = number(&mut files)?;
+        let of = |role: Role| all.iter().filter(|(_, own)| *own == role).map(|(index, _)| *index).collect();
+        let (training, validation) = (of(Role::Training), of(Role::Validation));
+        let mut windows = Self { files, recipe, training, validation };
         // Means over batches depend on which windows share one: the order is that of the scenes' ids, wherever they came from.
         let mut validation = std::mem::take(&mut windows.validation);
         validation
@@ -131,7 +119,7 @@ impl Windows {
     /// How they were cut; of several files the first's, whose features are those of all.
     #[must_use]
     pub fn recipe(&self) -> &Recipe {
-        &self.files[0].recipe // there is one at least
+        &self.recipe
     }
 
     /// Numbers of those to learn from, ascending.
@@ -154,9 +142,7 @@ impl Windows {
     /// A hash (SHA-256, in hex) that tells this set from any other: of the files' heads, which have a checksum of each window.
     #[must_use]
     pub fn digest(&self) -> String {
-        let mut hash = Sha256::new();
-        self.files.iter().for_each(|file| hash.update(file.head.write()));
-        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+        digest(&self.files)
     }
 
     /// What window `index` is of; nothing is read.
@@ -204,9 +190,18 @@ impl WindowsFile {
             return Err(problem(FileProblem::CutShort));
         }
         let head = Head::parse(&read(PREFIX as u64, length)?, checksum, size).map_err(problem)?;
-        let recipe =
-            toml::from_str(&head.settings).map_err(|error| problem(FileProblem::Settings(error.to_string())))?;
-        Ok(Self { path, source, head, recipe, first: 0 })
+        Ok(Self { path, source, head, first: 0 })
+    }
+
+    /// How its pieces were cut.
+    pub fn recipe<R: DeserializeOwned>(&self) -> Result<R, WindowsError> {
+        let problem = |error: toml::de::Error| FileProblem::Settings(error.to_string());
+        toml::from_str(&self.head.settings).map_err(|error| self.told(problem(error)))
+    }
+
+    /// What is wrong with the file.
+    pub fn told(&self, problem: FileProblem) -> WindowsError {
+        WindowsError::File { path: self.path.clone(), problem }
     }
 
     /// The bytes of its window `number`, which are those that were written.
@@ -220,11 +215,38 @@ impl WindowsFile {
         }
     }
 
-    fn problem(&self, number: usize, problem: FileProblem) -> WindowsError {
+    pub fn problem(&self, number: usize, problem: FileProblem) -> WindowsError {
         let place = &self.head.places[number];
         let scene = self.head.scenes[place.scene as usize].id.clone();
         WindowsError::Window { path: self.path.clone(), index: self.first + number, scene, step: place.step, problem }
     }
+}
+
+/// Numbers the pieces of several files one after another, and tells each one's role.
+///
+/// # Errors
+/// [`WindowsError`] where a scene trains in one file and validates in another.
+pub(super) fn number(files: &mut [WindowsFile]) -> Result<Vec<(usize, Role)>, WindowsError> {
+    let (mut all, mut roles) = (Vec::new(), BTreeMap::new());
+    for file in files {
+        for scene in &file.head.scenes {
+            if *roles.entry(scene.id.clone()).or_insert(scene.role) != scene.role {
+                return Err(WindowsError::BothRoles { scene: scene.id.clone(), path: file.path.clone() });
+            }
+        }
+        file.first = all.len();
+        for place in &file.head.places {
+            all.push((all.len(), file.head.scenes[place.scene as usize].role));
+        }
+    }
+    Ok(all)
+}
+
+/// A hash (SHA-256, in hex) of what the files hold: their heads have a checksum of each piece.
+pub(super) fn digest(files: &[WindowsFile]) -> String {
+    let mut hash = Sha256::new();
+    files.iter().for_each(|file| hash.update(file.head.write()));
+    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 impl Source {

@@ -7,7 +7,8 @@
 //! | file | what |
 //! | --- | --- |
 //! | `window` | one example, and its map with each point written once |
-//! | `recipe` | how windows are cut: whose features, how far apart, of whom |
+//! | `recipe` | how windows are cut: whose features, how far apart, of whom; and what else such a file may hold |
+//! | `transitions` | what the driver `cql` learns from, in files of the same form |
 //! | `cut` | the windows of a scene |
 //! | `line` | the reference line of a step, in the AV's frame |
 //! | `future` | what all did after a step, in the AV's frame |
@@ -29,6 +30,7 @@ mod parts;
 mod prepare;
 mod recipe;
 mod split;
+mod transitions;
 mod window;
 
 pub use cut::{Cut, cut};
@@ -36,8 +38,9 @@ pub use error::{FileProblem, WindowsError};
 pub use file::{Entry, Windows};
 pub use head::{SceneRecord, Skipped};
 pub use prepare::{Broken, Order, PrepareError, Prepared, prepare};
-pub use recipe::{Recipe, Whose};
+pub use recipe::{Cutting, Piece, Pieces, Recipe, Whose};
 pub use split::{Role, Split, SplitError};
+pub use transitions::{Drawn, Experience, Transition, Transitions};
 pub use window::{Sketch, Window};
 
 /// For fuzzers: any bytes as one window. What is read is written and read again the same.

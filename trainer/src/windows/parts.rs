@@ -5,12 +5,11 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, BufWriter, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
-use super::codec;
-use super::cut::Cut;
 use super::error::WindowsError;
 use super::file::WindowsFile;
 use super::head::{Head, Place, SceneRecord, Skipped};
 use super::prepare::PrepareError;
+use super::recipe::{Piece, Pieces};
 use super::split::Role;
 
 /// The folder, locked.
@@ -65,12 +64,11 @@ impl Parts {
     }
 
     /// Keeps what a scene gives; answers the part's head.
-    pub fn put(&self, scene: &str, sha256: &str, cut: &Cut) -> Result<Head, PrepareError> {
-        let payloads: Vec<Vec<u8>> = cut.windows.iter().map(codec::encode).collect();
-        let place = |(window, bytes): (&super::Window, &Vec<u8>)| Place {
+    pub fn put(&self, scene: &str, sha256: &str, cut: Pieces) -> Result<Head, PrepareError> {
+        let place = |Piece { step, av, bytes }: &Piece| Place {
             scene: 0,
-            step: window.step,
-            av: window.av,
+            step: *step,
+            av: *av,
             offset: 0,
             length: bytes.len() as u32,
             checksum: crc32fast::hash(bytes),
@@ -81,14 +79,14 @@ impl Parts {
         let mut head = Head {
             settings: self.settings.clone(),
             scenes: vec![SceneRecord { id, sha256, role, skipped: skipped.collect() }],
-            places: cut.windows.iter().zip(&payloads).map(place).collect(),
+            places: cut.pieces.iter().map(place).collect(),
         };
         head.lay_out();
         let path = self.path(scene);
         // Not synced: a part that a crash of the machine left in pieces is seen to be such, and made anew.
         whole(&path, false, |out| {
             out.write_all(&head.write())?;
-            payloads.iter().try_for_each(|bytes| out.write_all(bytes))
+            cut.pieces.iter().try_for_each(|piece| out.write_all(&piece.bytes))
         })?;
         Ok(head)
     }

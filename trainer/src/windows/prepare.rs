@@ -8,20 +8,18 @@ use rayon::prelude::*;
 use scenarios::{SceneSet, SetError};
 use thiserror::Error;
 
-use super::cut::cut;
 use super::error::WindowsError;
 use super::head::{Head, Place, SceneRecord};
 use super::parts::Parts;
-use super::recipe::Recipe;
+use super::recipe::Cutting;
 use super::split::{Role, Split};
 
 /// What is to be made.
-#[derive(Debug)]
 pub struct Order<'a> {
     /// The scenes.
     pub set: &'a SceneSet,
     /// How they are cut.
-    pub recipe: Recipe,
+    pub recipe: &'a dyn Cutting,
     /// What they are for.
     pub split: &'a Split,
     /// The file.
@@ -102,7 +100,7 @@ pub fn prepare(
     stop: &AtomicBool,
     progress: &(dyn Fn(usize, bool) + Sync),
 ) -> Result<Prepared, PrepareError> {
-    let recipe = toml::to_string(&order.recipe).unwrap_or_default(); // three plain values
+    let recipe = order.recipe.text();
     // Another build may make other windows: parts of one are not mixed with those of another.
     let parts = Parts::open(order.out, format!("{recipe}revision = {:?}\n", terminal::REVISION))?;
     let (mut chosen, mut left_out) = (Vec::new(), Vec::new());
@@ -174,7 +172,7 @@ fn ready(
     let (mut head, before) = match parts.find(id, &sha256) {
         Some(head) => (head, true),
         None => match order.set.load(index) {
-            Ok((scene, _)) => (parts.put(id, &sha256, &cut(&scene, &order.recipe))?, false),
+            Ok((scene, _)) => (parts.put(id, &sha256, order.recipe.pieces(&scene))?, false),
             Err(error) => return broken(error),
         },
     };

@@ -24,7 +24,7 @@ fn set(folder: &Path, count: usize) -> SceneSet {
 
 fn make(set: &SceneSet, out: &Path, recipe: Recipe, jobs: usize) -> Prepared {
     let split = Split::Share(0.5);
-    let order = Order { set, recipe, split: &split, out, jobs };
+    let order = Order { set, recipe: &recipe, split: &split, out, jobs };
     prepare(&order, &AtomicBool::new(false), &|_, _| {}).unwrap()
 }
 
@@ -145,7 +145,7 @@ fn the_bytes_are_the_same_for_any_number_of_threads_and_after_an_interruption() 
 
     let (stop, done) = (AtomicBool::new(false), AtomicUsize::new(0));
     let out = path(resumed);
-    let order = Order { set: &set, recipe: RECIPE, split: &split, out: &out, jobs: 1 };
+    let order = Order { set: &set, recipe: &RECIPE, split: &split, out: &out, jobs: 1 };
     let after_three = |_: usize, _: bool| stop.store(done.fetch_add(1, Ordering::Relaxed) == 2, Ordering::Relaxed);
     assert!(matches!(prepare(&order, &stop, &after_three), Err(PrepareError::Interrupted)));
     assert!(!out.exists());
@@ -167,7 +167,7 @@ fn parts_of_other_settings_are_made_anew() {
     let folder = tempfile::tempdir().unwrap();
     let (set, out) = (set(folder.path(), 1), folder.path().join("some.windows"));
     let (stop, split) = (AtomicBool::new(false), Split::Share(0.5));
-    let order = Order { set: &set, recipe: RECIPE, split: &split, out: &out, jobs: 1 };
+    let order = Order { set: &set, recipe: &RECIPE, split: &split, out: &out, jobs: 1 };
     assert!(prepare(&order, &stop, &|_, _| stop.store(true, Ordering::Relaxed)).is_err());
     assert_eq!(make(&set, &out, Recipe { stride: 20, ..RECIPE }, 1).resumed, 0);
 }
@@ -177,7 +177,7 @@ fn two_commands_do_not_work_on_one_file() {
     let folder = tempfile::tempdir().unwrap();
     let (set, out) = (set(folder.path(), 1), folder.path().join("some.windows"));
     let split = Split::Share(0.5);
-    let order = Order { set: &set, recipe: RECIPE, split: &split, out: &out, jobs: 1 };
+    let order = Order { set: &set, recipe: &RECIPE, split: &split, out: &out, jobs: 1 };
     let again = |_: usize, _: bool| {
         let second = prepare(&order, &AtomicBool::new(false), &|_, _| {});
         assert!(matches!(second, Err(PrepareError::Busy(_))));
@@ -191,7 +191,7 @@ fn scenes_that_a_list_does_not_name_are_left_out_and_no_window_is_no_file() {
     let (set, out) = (set(folder.path(), 1), folder.path().join("some.windows"));
     let list = |ids: &[&str]| Split::List(ids.iter().map(|id| ((*id).to_owned(), Role::Validation)).collect());
     let split = list(&["cut-in-3-0"]);
-    let order = Order { set: &set, recipe: RECIPE, split: &split, out: &out, jobs: 1 };
+    let order = Order { set: &set, recipe: &RECIPE, split: &split, out: &out, jobs: 1 };
     let prepared = prepare(&order, &AtomicBool::new(false), &|_, _| {}).unwrap();
     assert_eq!(prepared.left_out, ["following-3-0"]);
     assert_eq!(prepared.windows[0], 0);
@@ -209,7 +209,7 @@ fn several_files_are_one_and_a_scene_has_one_role_in_all() {
     let file = |name: &str, recipe: Recipe, ids: &[(&str, Role)]| {
         let out = folder.path().join(name);
         let split = Split::List(ids.iter().map(|(id, role)| ((*id).to_owned(), *role)).collect());
-        let order = Order { set: &set, recipe, split: &split, out: &out, jobs: 1 };
+        let order = Order { set: &set, recipe: &recipe, split: &split, out: &out, jobs: 1 };
         prepare(&order, &AtomicBool::new(false), &|_, _| {}).unwrap();
         out
     };
@@ -354,4 +354,31 @@ fn windows_of_real_scenes_are_those_of_the_authors() {
     }
     println!("{report}");
     assert!(report.holds(), "{report}");
+}
+
+#[test]
+fn transitions_are_the_steps_of_the_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let (set, out) = (set(folder.path(), 1), folder.path().join("some.transitions"));
+    let split = Split::Share(0.0);
+    let drawn = Drawn::default();
+    let order = Order { set: &set, recipe: &drawn, split: &split, out: &out, jobs: 2 };
+    prepare(&order, &AtomicBool::new(false), &|_, _| {}).unwrap();
+    let transitions = Transitions::open(std::slice::from_ref(&out)).unwrap();
+    let scenes: Vec<_> = (0..2).map(|index| set.load(index).unwrap().0).collect();
+    let counts: Vec<usize> = scenes.iter().map(|scene| scene.steps() - 20).collect();
+    assert_eq!((transitions.training().len(), transitions.validation().len()), (counts.iter().sum(), 0));
+    let of = |index: usize| transitions.get(transitions.training()[index]).unwrap();
+    let log = &scenes[1].av().states;
+    let (one, after, last) = (of(counts[0]), of(counts[0] + 1), of(counts[0] + counts[1] - 1));
+    assert!(one.next == after.state && one.state != one.next);
+    assert_eq!((one.goal, last.goal), (false, true));
+    let way = log[20].unwrap().position().distance(log[19].unwrap().position());
+    assert!((f64::from(one.distance) - way).abs() < 1e-5);
+    let done: [f32; 3] = one.action.clone().try_into().unwrap();
+    let there = network::cql::next_pose(log[19].unwrap().pose(), done);
+    assert!(there.position().distance(log[20].unwrap().position()) < 1e-4);
+    let between_scenes = transitions.get(transitions.training()[counts[0] - 1] + 1).unwrap();
+    assert!(between_scenes.action == vec![network::cql::action_of(Default::default(), Default::default())].concat());
+    assert!(matches!(Windows::open(&out), Err(WindowsError::File { problem: FileProblem::Settings(_), .. })));
 }
