@@ -34,8 +34,14 @@ fn predictions_repeat_too_and_on_cores_of_their_own() {
 #[test]
 fn in_process_and_over_the_bus_all_is_the_same() {
     let stage = Stage::new();
-    for (driver, protocol) in [("idm", "strict"), ("human", "strict"), ("gn-oracle", "paper"), ("dipp", "strict")] {
-        let run = format!("run --scenarios small.toml --driver {driver} --protocol {protocol}");
+    let drivers =
+        [("idm", "strict"), ("human", "strict"), ("gn-oracle", "paper"), ("dipp", "strict"), ("cql", "paper")];
+    for (driver, protocol) in drivers {
+        let weights = match driver {
+            "cql" => concat!(" --weights ", env!("CARGO_MANIFEST_DIR"), "/../weights/cql.f16.safetensors"),
+            _ => "",
+        };
+        let run = format!("run --scenarios small.toml --driver {driver} --protocol {protocol}{weights}");
         let [bus, here] = ["bus", "here --in-process --parallel 2"].map(|way| {
             let name = way.split(' ').next().unwrap();
             let ended = stage.good_sim(&format!("{run} --out {driver}-{way}"));
