@@ -65,7 +65,7 @@ pub enum PlannerKind {
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the messages say it")]
 pub enum PlannerError {
-    #[error(transparent)]
+    #[error("cannot open the scenes: {0}")]
     Scenes(#[from] SetError),
     #[error(transparent)]
     Policy(#[from] PolicyError),

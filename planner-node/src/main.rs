@@ -4,7 +4,7 @@ mod cli;
 
 use std::process::ExitCode;
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use planner_node::explain::explain;
 use planner_node::verify::{verify, verify_own};
 use tracing_subscriber::EnvFilter;
@@ -41,8 +41,7 @@ fn run(cli: cli::Cli) -> anyhow::Result<ExitCode> {
     }
     // clap lets nothing pass that has neither.
     let Some(serve) = cli.serve else { bail!("nothing to do: give --planner") };
-    let factory = serve.choice.factory(&serve.gauss_newton, serve.proposals, &serve.cql, None);
-    let factory = factory.context("cannot have the planner")?;
+    let factory = serve.choice.factory(&serve.gauss_newton, serve.proposals, &serve.cql, None)?;
     Ok(match wire::node::serve_planner(&serve.node, factory)? {
         Stop::Interrupted => ExitCode::from(130),
         Stop::ParentGone | Stop::SimGone => ExitCode::SUCCESS,

@@ -319,7 +319,8 @@ mod tests {
     /// What names a driver; any file will do for weights, for they are not opened.
     fn with_weights<'a>(driver: &drivers::Driver, more: &[&'a str]) -> Vec<&'a str> {
         let weights: &[&str] = match driver.predictor {
-            Predictor::Network => &["--weights", concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml")],
+            Predictor::None if !driver.planner_has_weights() => &[],
+            Predictor::None | Predictor::Network => &["--weights", concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml")],
             _ => &[],
         };
         ["--driver", driver.name].iter().chain(weights).chain(more).copied().collect()

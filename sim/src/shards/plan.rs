@@ -14,7 +14,6 @@ use scenarios::{SceneSet, SetError};
 use shard::Shard;
 use thiserror::Error;
 
-use super::merge::{MergeError, merge};
 use crate::request::Request;
 use crate::run::clock::{Clock, WallClock};
 use crate::run::console::Console;
@@ -29,8 +28,6 @@ pub enum PlanError {
     Scenes(#[from] SetError),
     #[error(transparent)]
     Run(#[from] RunError),
-    #[error(transparent)]
-    Merge(#[from] MergeError),
     #[error(transparent)]
     File(#[from] FileError),
     #[error("how much memory was used is not known: {0}")]
@@ -54,10 +51,8 @@ struct Sample {
     memory: [u64; 2],
     /// Nodes of each worker, and recorders.
     nodes: [usize; 2],
-    /// Bytes of an episode before the merge, of its recordings, and of its rows after it.
-    bytes: [f64; 3],
-    /// Seconds that merging an episode takes.
-    merge: f64,
+    /// Bytes of an episode as its shard stores it, and of its recordings.
+    bytes: [f64; 2],
 }
 
 /// Drives at most `most` of the episodes, spread evenly over the list, and says what each of so many shards would take.
@@ -90,11 +85,6 @@ pub fn plan(
     let parts = ids.iter().filter_map(|id| part_of(&path, id).transpose()).collect::<Result<Vec<Part>, _>>()?;
     let stored = parts.iter().map(|part| part.to_bytes().len() as f64).sum::<f64>();
     let recordings = ids.iter().flat_map(|id| recording_files(&path, id)).map(size).sum::<f64>();
-    let before = clock.now();
-    merge(&path, &[], &Console::silent())?;
-    let merging = (clock.now() - before).as_secs_f64();
-    let merged =
-        ["results", "steps", "timing"].map(|name| size(path.join(format!("{name}.parquet")))).iter().sum::<f64>();
     let timing = || parts.iter().filter_map(|part| part.timing);
     let first = timing().map(|timing| timing.first_step).filter(|first| *first > 0.0).fold(f64::INFINITY, f64::min);
     let count = parts.len().max(1) as f64;
@@ -107,8 +97,7 @@ pub fn plan(
         parallel: usize::from(request.machine.parallel).min(taken),
         memory: [UsageWho::RUSAGE_SELF, UsageWho::RUSAGE_CHILDREN].map(getrusage).map(|usage| usage.map_or(0, bytes)),
         nodes: [nodes, usize::from(settings.record != results::settings::Record::None)],
-        bytes: [stored / count, recordings / count, merged / count],
-        merge: merging / count,
+        bytes: [stored / count, recordings / count],
     };
     Ok(sample.text(&settings.driver, counts))
 }
@@ -152,7 +141,7 @@ impl Sample {
     }
 
     fn text(&self, driver: &str, counts: &[u32]) -> String {
-        let (scenes, [stored, recorded, merged]) = (self.scenes, self.bytes);
+        let (scenes, [stored, recorded]) = (self.scenes, self.bytes);
         let mut text = format!(
             "{scenes} episodes by {driver}, {} at a time; from {} of them, driven here and now:\n\n",
             self.parallel,
@@ -175,12 +164,9 @@ impl Sample {
         };
         say("memory of a shard", format!("{}{nodes}", room(self.memory() as f64)));
         let all = scenes as f64;
-        let rows = format!("{} until it is merged, {} after", room(stored * all), room(merged * all));
-        say(
-            "room of the run",
-            if recorded > 0.0 { format!("{rows}, recordings {}", room(recorded * all)) } else { rows },
-        );
-        say("sim merge", format!("{} at most", seconds(self.merge * all)));
+        let rows = format!("{} until it is merged", room(stored * all));
+        let all_room = if recorded > 0.0 { format!("{rows}, recordings {}", room(recorded * all)) } else { rows };
+        say("room of the run", all_room);
         let usual: Vec<u32> = [1, 2, 4, 8, 16, 32, 64, 128].into_iter().filter(|of| *of as usize <= scenes).collect();
         let counts = if counts.is_empty() { &usual } else { counts };
         text += "\n  shards  episodes each      time each         within\n";
@@ -198,7 +184,7 @@ impl Sample {
 fn seconds(seconds: f64) -> String {
     let whole = Duration::from_secs_f64(seconds.max(0.0)).as_secs();
     match seconds {
-        small if small < 0.1 => format!("{:.1} ms", 1000.0 * small),
+        small if small < 1.0 => format!("{:.1} ms", 1000.0 * small),
         short if short < 60.0 => format!("{short:.1} s"),
         _ if whole < 3600 => format!("{} min {:02} s", whole / 60, whole % 60),
         _ => format!("{} h {:02} min", whole / 3600, whole / 60 % 60),
@@ -225,8 +211,7 @@ mod tests {
             parallel: 2,
             memory: [50_000_000, 20_000_000],
             nodes: [2, 1],
-            bytes: [10_000.0, 2_000_000.0, 3_000.0],
-            merge: 0.0005,
+            bytes: [10_000.0, 2_000_000.0],
         }
     }
 
@@ -245,11 +230,10 @@ mod tests {
         1000 episodes by dipp, 2 at a time; from 3 of them, driven here and now:
 
         an episode        2.0 s (mean, within 1.2 s)
-        the start         0.5 s
+        the start         500.0 ms
         memory of a shard 150 MB: 50 MB the sim, 5 nodes and recorders of at most 20 MB each
-        room of the run   10 MB until it is merged, 3 MB after, recordings 2.0 GB
-        sim merge         0.5 s at most
-
+        room of the run   10 MB until it is merged, recordings 2.0 GB
+    
           shards  episodes each      time each         within
                1           1000    16 min 40 s     9 min 37 s
                8            125     2 min 05 s     1 min 12 s
