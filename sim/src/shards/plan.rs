@@ -15,7 +15,7 @@ use shard::Shard;
 use thiserror::Error;
 
 use crate::request::Request;
-use crate::run::clock::{Clock, WallClock};
+use crate::run::clock::WallClock;
 use crate::run::console::Console;
 use crate::run::interrupt::Interrupts;
 use crate::run::{self, RunError, Task};

@@ -237,8 +237,8 @@ impl Work<'_> {
             logged: 0.0,
             tape,
         };
-        for critic in 0..CRITICS {
-            let said: Vec<f64> = judged.tape.value(values[critic]).data.iter().map(|value| f64::from(*value)).collect();
+        for (critic, values) in values.into_iter().enumerate() {
+            let said: Vec<f64> = judged.tape.value(values).data.iter().map(|value| f64::from(*value)).collect();
             for (index, (transition, said)) in transitions.iter().zip(said.chunks_exact(each)).enumerate() {
                 let worth = f64::from(targets[0][index].min(targets[1][index]));
                 let reward =

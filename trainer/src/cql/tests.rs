@@ -108,7 +108,7 @@ fn a_step_is_the_same_for_any_number_of_threads() {
         state: picture(),
         action: vec![0.1 * index as f32 - 1.0, 0.0, 0.5],
         distance: 1.0,
-        goal: index % 7 == 0,
+        goal: index.is_multiple_of(7),
         next: picture(),
     };
     let batch = Batch { transitions: (0..20).map(transition).collect() };

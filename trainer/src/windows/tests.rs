@@ -379,6 +379,6 @@ fn transitions_are_the_steps_of_the_log() {
     let there = network::cql::next_pose(log[19].unwrap().pose(), done);
     assert!(there.position().distance(log[20].unwrap().position()) < 1e-4);
     let between_scenes = transitions.get(transitions.training()[counts[0] - 1] + 1).unwrap();
-    assert!(between_scenes.action == vec![network::cql::action_of(Default::default(), Default::default())].concat());
+    assert!(between_scenes.action == network::cql::action_of(Default::default(), Default::default()));
     assert!(matches!(Windows::open(&out), Err(WindowsError::File { problem: FileProblem::Settings(_), .. })));
 }
