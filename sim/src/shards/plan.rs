@@ -233,7 +233,7 @@ mod tests {
         the start         500.0 ms
         memory of a shard 150 MB: 50 MB the sim, 5 nodes and recorders of at most 20 MB each
         room of the run   10 MB until it is merged, recordings 2.0 GB
-    
+
           shards  episodes each      time each         within
                1           1000    16 min 40 s     9 min 37 s
                8            125     2 min 05 s     1 min 12 s
