@@ -113,10 +113,22 @@ impl View<'_> {
         if place.station <= self.place.station {
             return false;
         }
-        let direction = self.way.direction(place.sample);
+        // What of it is nearest to the way, and what is first along it: in a bend, not its middle.
+        let (mut clearance, mut gap) = (f64::INFINITY, f64::INFINITY);
+        let mut at = *place;
+        for (center, radius) in body.discs() {
+            let there = if center == body.position { *place } else { self.way.follow(center, place.sample) };
+            let room = self.clearance(there.lateral, radius);
+            if room < clearance {
+                (clearance, at) = (room, there);
+            }
+            if room < CLEARANCE {
+                gap = gap.min(there.station - radius - self.front());
+            }
+        }
+        let direction = self.way.direction(at.sample);
         let (across, along) = body.reach(direction, body.forward);
-        let gap = place.station - along - self.front();
-        let clearance = self.clearance(place.lateral, across);
+        let gap = if gap.is_finite() { gap } else { at.station - along - self.front() };
         let (forwards, sideways) = (direction.dot(body.velocity), direction.cross(body.velocity));
         if body.who == Who::Av || matches!(body.kind, AgentKind::Pedestrian | AgentKind::Cyclist) {
             let wanted = COURTESY - clearance;

@@ -219,7 +219,7 @@ impl Driver {
             x: position.x,
             y: position.y,
             z: self.state.z + self.way.height(self.place.sample) - ground,
-            heading: self.motion.heading(self.way.curvature(self.place.sample)),
+            heading: self.motion.heading(),
             velocity_x: velocity.x,
             velocity_y: velocity.y,
             ..self.state

@@ -27,6 +27,12 @@ pub const HARDEST_BRAKING: f64 = 7.5;
 /// Gaps below this (m) are all the same.
 const LEAST_GAP: f64 = 0.1;
 
+/// Who is so near to a line (m) is there.
+const AT_THE_LINE: f64 = 0.3;
+
+/// Towards a line one brakes evenly, by this share of what is comfortable.
+const EVENLY: f64 = 0.6;
+
 /// What one is too fast for the road goes in this time (s).
 const SETTLING: f64 = 1.0;
 
@@ -64,13 +70,17 @@ impl Idm {
     /// The acceleration (m/s^2) towards a line `distance` (m) ahead at which one comes to stand: evenly, from where that is comfortable.
     #[must_use]
     pub fn before_a_line(&self, speed: f64, distance: f64) -> f64 {
-        let distance = distance.max(LEAST_GAP);
+        if distance < AT_THE_LINE {
+            return (-0.5 - 3.0 * speed).max(-HARDEST_BRAKING);
+        }
+        let even = EVENLY * self.deceleration;
         let needed = speed * speed / (2.0 * distance);
-        if needed >= 0.6 * self.deceleration {
+        if needed >= even {
             return (-1.05 * needed).max(-HARDEST_BRAKING);
         }
-        // Not yet, or at a crawl up to it.
-        self.acceleration * (1.0 - needed / (0.6 * self.deceleration)) - if distance < 1.0 { speed } else { 0.0 }
+        // Not yet: up to the speed from which braking evenly is due.
+        let due = ((2.0 * even * distance).sqrt() - speed) / SETTLING;
+        due.min(self.acceleration * (1.0 - needed / even))
     }
 }
 
@@ -110,6 +120,6 @@ mod tests {
         let (gap, speed) = stop(|speed, gap| Idm::NUPLAN.behind(speed, gap, 0.0));
         assert!((0.5..2.0).contains(&gap) && speed < 0.1, "gap {gap}, speed {speed}");
         let (gap, speed) = stop(|speed, gap| Idm::NUPLAN.before_a_line(speed, gap));
-        assert!((0.0..1.0).contains(&gap) && speed < 0.2, "gap {gap}, speed {speed}");
+        assert!((0.0..0.5).contains(&gap) && speed < 0.2, "gap {gap}, speed {speed}");
     }
 }

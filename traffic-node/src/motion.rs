@@ -23,6 +23,12 @@ const MOST_SIDEWAYS: f64 = 5.0;
 /// A heading that fits the course no better than at hand-over comes to fit it over this distance (m).
 const SKEW_FADES: f64 = 8.0;
 
+/// A car takes to a bend over this distance (m).
+const BEND_FADES: f64 = 2.0;
+
+/// In the first step the course turns by no more than this (rad) from where the way does.
+const FIRST_TURN: f64 = 0.01;
+
 /// Somebody in motion.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Motion {
@@ -31,9 +37,13 @@ pub(crate) struct Motion {
     pub course: f64,
     /// What of the heading the bend does not explain (rad).
     pub skew: f64,
+    /// The curvature (1/m) that the car is in.
+    bend: f64,
     pub speed: f64,
     /// From the rear axle to the centre (m): the centre goes aside in a bend by this much of the curvature.
     pub rear: f64,
+    /// It was taken over just now.
+    is_new: bool,
 }
 
 impl Motion {
@@ -42,13 +52,14 @@ impl Motion {
         let speed = velocity.norm();
         let slip = angle_difference(heading, velocity.heading());
         // Velocities of who hardly moves, or is said to slide, say nothing.
-        let course = if speed > 2.0 && slip.abs() < 0.3 { heading + slip } else { heading };
-        Self { position, course, skew: heading - course + rear * curvature, speed, rear }
+        let course = if speed > 1.0 && slip.abs() < 0.6 { heading + slip } else { heading };
+        let skew = heading - course + rear * curvature;
+        Self { position, course, skew, bend: curvature, speed, rear, is_new: true }
     }
 
-    /// The heading (rad) where the way bends so.
-    pub(crate) fn heading(&self, curvature: f64) -> f64 {
-        self.course - self.rear * curvature + self.skew
+    /// The heading (rad).
+    pub(crate) fn heading(&self) -> f64 {
+        self.course - self.rear * self.bend + self.skew
     }
 
     /// A step on, at an acceleration (m/s^2), steering to `target` (m to the left of the way).
@@ -61,10 +72,16 @@ impl Motion {
         let middle = way.sample_at(place.station + 0.5 * moved + 0.5 * SPACING);
         let wanted = way.curvature(middle) - 2.0 * error / settling - offset / (settling * settling);
         let tightest = TIGHTEST.min(MOST_SIDEWAYS / (next * next).max(1.0));
-        let turn = wanted.clamp(-tightest, tightest) * moved;
+        let mut turn = wanted.clamp(-tightest, tightest) * moved;
+        if std::mem::take(&mut self.is_new) {
+            let bend = way.curvature(place.sample) * moved;
+            turn = turn.clamp(bend - FIRST_TURN, bend + FIRST_TURN);
+        } else {
+            self.bend += (way.curvature(middle) - self.bend) * (moved / BEND_FADES).min(1.0);
+            self.skew *= (1.0 - moved / SKEW_FADES).max(0.0);
+        }
         self.position = self.position + Point::unit(self.course + 0.5 * turn) * moved;
         self.course += turn;
-        self.skew *= (1.0 - moved / SKEW_FADES).max(0.0);
         self.speed = next;
     }
 }
@@ -80,16 +97,16 @@ mod tests {
         let samples: Vec<Point3> = (0..400).map(|k| Point3::new(0.5 * f64::from(k), 0.0, 0.0)).collect();
         let way = Way::new(&samples, Vec::new()).unwrap();
         let mut motion = Motion::of(Point::new(5.0, 1.2), 0.08, Point::unit(0.05) * 8.0, 1.4, 0.0);
-        assert!((motion.heading(0.0) - 0.08).abs() < 1e-12 && (motion.course - 0.05).abs() < 1e-12);
+        assert!((motion.heading() - 0.08).abs() < 1e-12 && (motion.course - 0.05).abs() < 1e-12);
         let mut place = way.follow(motion.position, 10);
         let mut before = motion;
         for step in 0..100 {
             motion.advance(&way, &place, 0.0, 0.0);
             place = way.follow(motion.position, place.sample);
-            assert!((motion.heading(0.0) - before.heading(0.0)).abs() < 0.05, "step {step}");
+            assert!((motion.heading() - before.heading()).abs() < 0.05, "step {step}");
             before = motion;
         }
-        assert!(place.lateral.abs() < 0.05 && motion.heading(0.0).abs() < 0.01, "{place:?} {motion:?}");
+        assert!(place.lateral.abs() < 0.05 && motion.heading().abs() < 0.01, "{place:?} {motion:?}");
         motion.speed = 0.0;
         let stood = motion;
         motion.advance(&way, &place, 1.0, 0.0);

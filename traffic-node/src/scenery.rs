@@ -20,6 +20,9 @@ pub(crate) const STANDING: f64 = 0.3;
 /// An AV farther from its line than this (m) is taken to go straight on.
 const ON_LINE: f64 = 4.0;
 
+/// Discs are wider than the box by this: its corners count a little.
+const DISC: f64 = 1.1;
+
 /// Who it is that one meets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Who {
@@ -152,6 +155,13 @@ pub(crate) fn left_of(forward: Point) -> Point {
 }
 
 impl Body {
+    /// Discs that cover it but for its corners: their centres and radii, from front to rear.
+    pub(crate) fn discs(&self) -> [(Point, f64); 3] {
+        let end = self.forward * (self.half_length - self.half_width).max(0.0);
+        let radius = DISC * self.half_width.min(self.half_length);
+        [(self.position + end, radius), (self.position, radius), (self.position - end, radius)]
+    }
+
     /// How far it reaches across and along a direction (m).
     pub(crate) fn reach(&self, direction: Point, forward: Point) -> (f64, f64) {
         let (cosine, sine) = (direction.dot(forward).abs(), direction.cross(forward).abs());

@@ -14,6 +14,12 @@ const SIGHT: f64 = 80.0;
 /// A stop point farther from the way than this (m) is not on it: then one stops where the lane begins.
 const ON_WAY: f64 = 3.0;
 
+/// A stop point lies at the beginning of its lane, or so far before it (m).
+const BEFORE: f64 = 9.0;
+
+/// Who is slower than this (m/s) can always stop.
+const CRAWL: f64 = 1.0;
+
 /// One stands so far before the line (m).
 const STAND_BACK: f64 = 0.8;
 
@@ -37,16 +43,19 @@ impl Lights {
         if self.0.is_empty() {
             return None;
         }
-        let ahead = way.lanes().iter().skip_while(|stretch| stretch.from < front - SIGHT);
-        let ahead = ahead.take_while(|stretch| stretch.from < front + SIGHT);
-        let stops = ahead.filter_map(|stretch| {
+        let stretches = way.lanes().iter().enumerate().take_while(|(_, stretch)| stretch.from < front + SIGHT);
+        let stops = stretches.filter_map(|(index, stretch)| {
+            let until = way.lanes().get(index + 1).map_or(way.length(), |next| next.from);
+            if until < front {
+                return None;
+            }
             let signal = self.of(stretch.lane?)?;
             let place = way.follow(signal.stop_point.xy(), (stretch.from / SPACING) as usize);
-            let is_on = place.lateral.abs() <= ON_WAY && (place.station - stretch.from).abs() <= 3.0 * ON_WAY;
+            let is_on = place.lateral.abs() <= ON_WAY && (stretch.from - BEFORE..=until).contains(&place.station);
             let line = if is_on { place.station } else { stretch.from };
             let distance = line - front;
             // Past it already, or too fast: to brake now would be to stop in the crossing.
-            let can_stop = speed * speed <= 2.0 * braking(signal.state)? * distance;
+            let can_stop = speed < CRAWL || speed * speed <= 2.0 * braking(signal.state)? * distance;
             (distance > 0.0 && can_stop).then_some(distance)
         });
         stops.min_by(f64::total_cmp)

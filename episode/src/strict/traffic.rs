@@ -82,6 +82,12 @@ impl Traffic {
         self.reacting.iter().for_each(|agent| self.is_left[agent.track] = true);
     }
 
+    /// From now on track number `track` is nowhere, whatever the log says.
+    pub fn leave(&mut self, track: usize) {
+        self.is_left.resize(self.tracks, false);
+        self.is_left[track] = true;
+    }
+
     /// Calls `visit` with each agent at `log_index` whose reach and `reach` (m) around `center` meet: those whom the log drives in its order,
     /// then those who react.
     pub fn for_each_near(&self, log_index: usize, center: Point, reach: f64, mut visit: impl FnMut(&TrafficAgent)) {

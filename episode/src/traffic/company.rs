@@ -10,7 +10,7 @@ use world::scene::{AgentKind, TrackId};
 use world::traffic::{MoveError, Moves, Taken, UncheckedMoves, Way, Ways};
 
 use super::TrafficSettings;
-use super::hand_over::{Departed, Replayed, Stretch, is_due};
+use super::hand_over::{Departed, Replayed, Stretch, has_no_room, is_due};
 use crate::judges::Body;
 use crate::judges::time_to_collision::TrafficAgent;
 use crate::strict::traffic::Traffic;
@@ -76,6 +76,8 @@ pub(crate) struct Company {
     tracks: Vec<(usize, usize)>,
     /// Where they are a step later, once that is told.
     next: Option<Moves>,
+    /// Tracks for which there was no room to appear, until the judges know.
+    barred: Vec<usize>,
     /// Whether the AV has left the log.
     av_left: bool,
 }
@@ -90,6 +92,7 @@ impl Company {
             taken: Vec::new(),
             tracks: Vec::new(),
             next: None,
+            barred: Vec::new(),
             av_left: false,
             bridged: Arc::clone(bridged),
             settings,
@@ -142,7 +145,8 @@ impl Company {
         Ok(proto::TrafficMoves { step, agents: self.taken.iter().map(told).collect(), error: String::new() })
     }
 
-    fn show(&self, log_index: usize, traffic: &mut Traffic) {
+    fn show(&mut self, log_index: usize, traffic: &mut Traffic) {
+        self.barred.drain(..).for_each(|track| traffic.leave(track));
         let agents = self.taken.iter().zip(&self.tracks);
         traffic.react(agents.map(|(agent, (track, sudden_until))| {
             TrafficAgent::of(*track, agent.kind, &agent.state, log_index < *sudden_until)
@@ -164,13 +168,19 @@ impl Company {
             }
             let seen = self.bridged.observed(agent.track, sight.log_index).filter(|seen| seen.unseen == 0);
             let Some(SeenAgent { state, .. }) = seen else { continue };
-            if state.position().distance(sight.av.state.position()) > self.settings.radius {
+            if has_no_room(agent, &others) || self.av_left && has_no_room(agent, std::slice::from_ref(&av)) {
+                self.driven[agent.track] = Driven::Gone;
+                self.barred.push(agent.track);
+                continue;
+            }
+            let is_near = state.position().distance(sight.av.state.position()) <= self.settings.radius;
+            if !is_near && others.is_empty() {
                 continue;
             }
             let wants_way = stretch.is_some() || !others.is_empty() || av.is_run_into_by(agent);
             let way = if wants_way { self.course(agent.track, sight.log_index, &state) } else { None };
             let replayed =
-                Replayed { agent, state: &state, way: way.as_ref().map(|(way, sample)| (way, *sample)) };
+                Replayed { agent, state: &state, way: way.as_ref().map(|(way, sample)| (way, *sample)), is_near };
             if !is_due(&self.settings, &replayed, &av, stretch.as_ref(), &others) {
                 continue;
             }

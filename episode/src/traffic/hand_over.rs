@@ -4,7 +4,9 @@
 //!
 //! - where the log would bring it into the AV: [`must_react`] says so of the AV that is driven, and not of the logged one;
 //! - from the step on at which the AV has left the log: where its way may meet the AV's, within the time that [`Stretch`] looks ahead;
-//! - where somebody who reacts has left the log: where that would bring it into him, or he is ahead on its way.
+//! - where somebody who reacts has left the log: where that would bring it into him, or he is ahead on its way. Here the radius is no matter.
+//!
+//! Who appears in the log where somebody is now, or is about to drive into him, does not come at all: there is no room.
 //!
 //! People on foot are taken over by the first of these alone, if a setting says so at all.
 
@@ -17,6 +19,7 @@ use world::traffic::Way;
 use world::traffic::way::SPACING;
 
 use super::{Pedestrians, TrafficSettings};
+use crate::judges::collision::overlaps;
 use crate::judges::reaction::must_react;
 use crate::judges::time_to_collision::TrafficAgent;
 use crate::judges::{Body, STOREY};
@@ -37,6 +40,9 @@ const STRIDE: usize = 4;
 
 /// Ways with less room than this (m) between who drives on them meet.
 const ROOM: f64 = 0.3;
+
+/// Who would drive into somebody within this time (s) of appearing does not appear.
+const NO_ROOM: f64 = 1.0;
 
 /// Somebody so far ahead on one's way (m) is followed.
 const FOLLOWED: f64 = 40.0;
@@ -107,6 +113,15 @@ impl Departed {
     }
 }
 
+/// Whether an agent that has just appeared in the log has no room to: it would be in somebody, or in him within a second.
+#[must_use]
+pub fn has_no_room(agent: &TrafficAgent, others: &[Departed]) -> bool {
+    let is_in_the_way = |other: &Departed| {
+        overlaps(&other.body, agent) || must_react(&other.body, agent).is_some_and(|time| time <= NO_ROOM)
+    };
+    agent.sudden && others.iter().any(is_in_the_way)
+}
+
 /// An agent that the log still drives.
 #[derive(Clone, Debug)]
 pub struct Replayed<'a> {
@@ -116,6 +131,8 @@ pub struct Replayed<'a> {
     pub state: &'a AgentState,
     /// Where it goes, and the sample where it is now; none where it stands for the rest of the log.
     pub way: Option<(&'a Arc<Way>, usize)>,
+    /// Whether it is within the radius.
+    pub is_near: bool,
 }
 
 /// Whether `replayed` is to be taken over. `stretch` is the AV's, once that has left the log.
@@ -132,12 +149,15 @@ pub fn is_due(
     match agent.kind {
         AgentKind::Other => return false,
         AgentKind::Pedestrian => {
-            return settings.pedestrians == Pedestrians::Stop && av.is_run_into_by(agent);
+            return settings.pedestrians == Pedestrians::Stop && replayed.is_near && av.is_run_into_by(agent);
         }
         AgentKind::Vehicle | AgentKind::Cyclist => {}
     }
     let width = replayed.state.width;
-    av.is_run_into_by(agent)
-        || stretch.is_some_and(|stretch| stretch.is_met_by(way, sample, width, agent.speed))
+    let meets_av = || {
+        av.is_run_into_by(agent)
+            || stretch.is_some_and(|stretch| stretch.is_met_by(way, sample, width, agent.speed))
+    };
+    replayed.is_near && meets_av()
         || others.iter().any(|other| other.is_run_into_by(agent) || other.is_on(way, sample, width))
 }

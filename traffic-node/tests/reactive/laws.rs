@@ -145,13 +145,14 @@ fn a_red_light_is_obeyed() {
 
 #[test]
 fn an_av_that_is_partly_in_the_lane_is_passed_with_room() {
-    let told = drive(&followed(), Cast::Idm, stops_aside);
+    let scene = StraightRoad::new().with(car(-55.0, 0.0, 0.0, 10.0)).scene();
+    let told = drive(&scene, Cast::Idm, stops_aside);
     let last = told.of(2).last().unwrap();
     assert_eq!(told.collisions(), 0);
-    assert!(last.x > 40.0, "it goes on: {last:?}");
+    assert!(last.x > 25.0 && last.speed() > 5.0, "it goes on: {last:?}");
     let aside = told.of(2).filter(|state| (state.x - 12.5).abs() < 2.0).map(|state| state.y).fold(0.0, f64::max);
     assert!((0.3..0.6).contains(&aside), "{aside}");
-    assert!(last.y.abs() < 0.1, "and comes back: {last:?}");
+    assert!(last.y < 0.2, "and comes back: {last:?}");
 }
 
 #[test]

@@ -178,7 +178,8 @@ pub fn drive(scene: &Arc<Scene>, settings: &TrafficSettings, cast: Cast, av: Av)
         let observation = episode.observe();
         let taken = episode.taken().to_vec();
         let moves = traffic.moves(&observation, &taken).unwrap();
-        for (agent, told) in taken.iter().zip(&moves.moves) {
+        for agent in &taken {
+            let told = moves.moves.iter().find(|told| told.track == agent.track).unwrap();
             if known.insert(agent.track) {
                 count.taken += 1;
                 let log = judged.tracks().iter().find(|track| track.id == agent.track).unwrap();
@@ -186,7 +187,7 @@ pub fn drive(scene: &Arc<Scene>, settings: &TrafficSettings, cast: Cast, av: Av)
             }
         }
         let next: BTreeMap<TrackId, AgentState> = moves.moves.iter().map(|told| (told.track, told.state)).collect();
-        count.red += taken.iter().filter(|agent| runs_red(&judged, observation.log_index as usize, agent, &next)).count();
+        count.red += taken.iter().filter(|agent| runs_red(&judged, observation.log_index as usize, observation.step, agent, &next)).count();
         episode.move_traffic(moves).unwrap_or_else(|error| panic!("{} {cast}: {error}", scene.id()));
         episode.advance(&plan(&judged, &mut path, av, &observation));
         count.steps += usize::from(!taken.is_empty());
@@ -213,7 +214,7 @@ fn jumps(jumps: &mut [f64; 3], log: &[Option<AgentState>], now: usize, next: &Ag
     let expected = here.position() + here.velocity() * STEP_SECONDS;
     let told = [
         expected.distance(next.position()),
-        angle_difference(here.heading + turn, next.heading).abs(),
+        angle_difference(here.heading + turn, next.heading).abs().min(angle_difference(here.heading, next.heading).abs()),
         (next.speed() - here.speed()).abs(),
     ];
     for (jump, told) in jumps.iter_mut().zip(told) {
@@ -222,10 +223,10 @@ fn jumps(jumps: &mut [f64; 3], log: &[Option<AgentState>], now: usize, next: &Ag
 }
 
 /// Whether an agent's front crosses the line of a lane of its way that has been red for 4 s, in this step.
-fn runs_red(scene: &Scene, now: usize, agent: &Taken, next: &BTreeMap<TrackId, AgentState>) -> bool {
+fn runs_red(scene: &Scene, now: usize, step: u32, agent: &Taken, next: &BTreeMap<TrackId, AgentState>) -> bool {
     const SECONDS_4: usize = 40;
     let Some(next) = next.get(&agent.track) else { return false };
-    if now < SECONDS_4 {
+    if now < SECONDS_4 || step < agent.since_step + SECONDS_4 as u32 {
         return false;
     }
     let front = |state: &AgentState| {
@@ -252,6 +253,9 @@ fn runs_red(scene: &Scene, now: usize, agent: &Taken, next: &BTreeMap<TrackId, A
         let has_been_red = (now - SECONDS_4..=now).all(|step| {
             scene.signals(step).iter().any(|other| other.lane == signal.lane && other.state.is_red())
         });
+        if crosses && is_on && has_been_red && std::env::var_os("TELL").is_some() {
+            println!("      red: {} of lane {} at step {step}, {:.1} m/s, {:?} {:?}", agent.track, signal.lane, next.speed(), from, line);
+        }
         crosses && is_on && has_been_red
     })
 }
@@ -271,6 +275,16 @@ fn overlaps(count: &mut Count, episode: &Episode, entangled: &BTreeSet<(i32, i32
                 && boxes_overlap(&one.state.oriented_box(), &other.state.oriented_box())
             {
                 count.overlaps += 1;
+                if std::env::var_os("TELL").is_some() && !count.overlapping.contains_key(&(a, b)) {
+                    let told = |agent: &world::observation::ObservedAgent| {
+                        let who = if reacting.contains(&agent.track) { "reacts" } else { "replayed" };
+                        let s = agent.state;
+                        let since = episode.taken().iter().find(|t| t.track == agent.track).map(|t| t.since_step);
+                        format!("{} {} {who} since {since:?} v {:.1} {:.1}x{:.1}", agent.kind, agent.track, s.speed(), s.length, s.width)
+                    };
+                    let beside = one.state.pose().pose_to_body(other.state.pose());
+                    println!("      {} / {} at ({:.1}, {:.1}, {:.2})", told(one), told(other), beside.x, beside.y, beside.heading);
+                }
                 count.overlapping.entry((a, b)).or_insert(observation.step);
             }
         }
