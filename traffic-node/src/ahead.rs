@@ -1,6 +1,6 @@
 //! What is ahead on somebody's way: who is followed, who crosses, and whom one gives room.
 
-use world::geometry::Bounds;
+use world::geometry::{Bounds, Point};
 use world::scene::AgentKind;
 use world::traffic::way::SPACING;
 use world::traffic::{Way, WayPlace};
@@ -13,7 +13,11 @@ use crate::scenery::{Body, Scenery, Who};
 const STOREY: f64 = 3.0;
 
 /// Less room than this (m) between two is none.
-const CLEARANCE: f64 = 0.2;
+const CLEARANCE: f64 = 0.15;
+
+/// Who drives along and comes nearer sideways, faster than this (m/s), is seen where he will be after this time (s).
+const COMES_LEAST: f64 = 0.3;
+const COMES_SECONDS: f64 = 1.0;
 
 /// Room (m) that is left to an AV, and to people on foot or on bicycles, where that can be.
 const COURTESY: f64 = 0.8;
@@ -108,24 +112,33 @@ impl View<'_> {
         ahead
     }
 
+    /// How far somebody who drives along the way comes nearer to it (m) while one looks: in [`COMES_SECONDS`].
+    fn comes_aside(&self, body: &Body, place: &WayPlace, direction: Point) -> f64 {
+        let sideways = direction.cross(body.velocity) * if place.lateral > 0.0 { -1.0 } else { 1.0 };
+        let is_along = direction.dot(body.velocity) > sideways.abs();
+        if is_along && sideways > COMES_LEAST { sideways * COMES_SECONDS } else { 0.0 }
+    }
+
     /// Follows somebody who is in the way, and gives room to who nearly is; whether he is done with.
     fn look_at(&self, body: &Body, place: &WayPlace, ahead: &mut Ahead) -> bool {
-        if place.station <= self.place.station {
-            return false;
-        }
         // What of it is nearest to the way, and what is first along it: in a bend, not its middle.
-        let (mut clearance, mut gap) = (f64::INFINITY, f64::INFINITY);
-        let mut at = *place;
-        for (center, radius) in body.discs() {
+        let (mut clearance, mut gap, mut at) = (f64::INFINITY, f64::INFINITY, None);
+        let direction = self.way.direction(place.sample);
+        let comes = self.comes_aside(body, place, direction);
+        for (center, radius) in body.discs(direction) {
             let there = if center == body.position { *place } else { self.way.follow(center, place.sample) };
+            if there.station <= self.place.station {
+                continue;
+            }
             let room = self.clearance(there.lateral, radius);
             if room < clearance {
-                (clearance, at) = (room, there);
+                (clearance, at) = (room, Some(there));
             }
-            if room < CLEARANCE {
+            if room - comes < CLEARANCE {
                 gap = gap.min(there.station - radius - self.front());
             }
         }
+        let Some(at) = at else { return false };
         let direction = self.way.direction(at.sample);
         let (across, along) = body.reach(direction, body.forward);
         let gap = if gap.is_finite() { gap } else { at.station - along - self.front() };
@@ -139,7 +152,7 @@ impl View<'_> {
                 *side = side.max(aside);
             }
         }
-        if clearance >= CLEARANCE {
+        if clearance - comes >= CLEARANCE {
             return false;
         }
         if sideways.abs() > forwards.abs() && sideways.abs() > 1.0 {

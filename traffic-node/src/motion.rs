@@ -26,8 +26,12 @@ const SKEW_FADES: f64 = 8.0;
 /// A car takes to a bend over this distance (m).
 const BEND_FADES: f64 = 2.0;
 
-/// In the first step the course turns by no more than this (rad) from where the way does.
-const FIRST_TURN: f64 = 0.01;
+/// In the first step the course turns by no more than this (rad): how far the wheels were turned is not known.
+const FIRST_TURN: f64 = 0.018;
+
+/// A velocity that leads no farther aside than this (m/s) from where the front points says nothing, and a slip above this (rad) is noise.
+const ASIDE: f64 = 0.3;
+const MOST_SLIP: f64 = 0.3;
 
 /// Somebody in motion.
 #[derive(Clone, Copy, Debug)]
@@ -51,8 +55,7 @@ impl Motion {
     pub(crate) fn of(position: Point, heading: f64, velocity: Point, rear: f64, curvature: f64) -> Self {
         let speed = velocity.norm();
         let slip = angle_difference(heading, velocity.heading());
-        // Velocities of who hardly moves, or is said to slide, say nothing.
-        let course = if speed > 1.0 && slip.abs() < 0.6 { heading + slip } else { heading };
+        let course = if speed * slip.abs() > ASIDE && slip.abs() <= MOST_SLIP { heading + slip } else { heading };
         let skew = heading - course + rear * curvature;
         Self { position, course, skew, bend: curvature, speed, rear, is_new: true }
     }
@@ -74,8 +77,7 @@ impl Motion {
         let tightest = TIGHTEST.min(MOST_SIDEWAYS / (next * next).max(1.0));
         let mut turn = wanted.clamp(-tightest, tightest) * moved;
         if std::mem::take(&mut self.is_new) {
-            let bend = way.curvature(place.sample) * moved;
-            turn = turn.clamp(bend - FIRST_TURN, bend + FIRST_TURN);
+            turn = turn.clamp(-FIRST_TURN, FIRST_TURN);
         } else {
             self.bend += (way.curvature(middle) - self.bend) * (moved / BEND_FADES).min(1.0);
             self.skew *= (1.0 - moved / SKEW_FADES).max(0.0);

@@ -20,8 +20,8 @@ pub(crate) const STANDING: f64 = 0.3;
 /// An AV farther from its line than this (m) is taken to go straight on.
 const ON_LINE: f64 = 4.0;
 
-/// Discs are wider than the box by this: its corners count a little.
-const DISC: f64 = 1.1;
+/// Discs are wider than the box by this share where it lies across: its corners count.
+const CORNERS: f64 = 0.25;
 
 /// Who it is that one meets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -155,10 +155,10 @@ pub(crate) fn left_of(forward: Point) -> Point {
 }
 
 impl Body {
-    /// Discs that cover it but for its corners: their centres and radii, from front to rear.
-    pub(crate) fn discs(&self) -> [(Point, f64); 3] {
+    /// Discs that cover it, seen along a direction: their centres and radii, from front to rear.
+    pub(crate) fn discs(&self, direction: Point) -> [(Point, f64); 3] {
         let end = self.forward * (self.half_length - self.half_width).max(0.0);
-        let radius = DISC * self.half_width.min(self.half_length);
+        let radius = (1.0 + CORNERS * direction.cross(self.forward).abs()) * self.half_width.min(self.half_length);
         [(self.position + end, radius), (self.position, radius), (self.position - end, radius)]
     }
 

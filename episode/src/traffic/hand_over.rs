@@ -12,7 +12,7 @@
 
 use std::sync::Arc;
 
-use world::geometry::{Bounds, Point};
+use world::geometry::{Bounds, Point, angle_difference};
 use world::reference_line::ReferenceLine;
 use world::scene::{AgentKind, AgentState};
 use world::traffic::Way;
@@ -43,6 +43,13 @@ const ROOM: f64 = 0.3;
 
 /// Who would drive into somebody within this time (s) of appearing does not appear.
 const NO_ROOM: f64 = 1.0;
+
+/// Somebody who is on one's way but for this (m) is on it.
+const BESIDE: f64 = 0.8;
+
+/// Who is said to go aside by more than this (rad), at more than this (m/s), slides or backs up, or the log is wrong for a moment.
+const SLIDING: f64 = 0.3;
+const SLIDING_SPEED: f64 = 0.45;
 
 /// Somebody so far ahead on one's way (m) is followed.
 const FOLLOWED: f64 = 40.0;
@@ -109,7 +116,10 @@ impl Departed {
         }
         let place = way.follow(state.position(), sample);
         let ahead = place.station - sample as f64 * SPACING;
-        (0.0..=FOLLOWED).contains(&ahead) && place.lateral.abs() <= 0.5 * (state.width + width) + ROOM
+        let direction = way.direction(place.sample);
+        let forward = self.body.outline.forward;
+        let across = 0.5 * (state.length * direction.cross(forward).abs() + state.width * direction.dot(forward).abs());
+        (0.0..=FOLLOWED).contains(&ahead) && place.lateral.abs() <= across + 0.5 * width + BESIDE
     }
 }
 
@@ -135,6 +145,13 @@ pub struct Replayed<'a> {
     pub is_near: bool,
 }
 
+/// Whether an agent goes where its front points, as who is driven does: else it would jump aside when it is taken over.
+fn goes_where_it_points(state: &AgentState) -> bool {
+    let velocity = state.velocity();
+    let slip = angle_difference(state.heading, velocity.heading()).abs();
+    slip <= SLIDING || velocity.norm() * slip <= SLIDING_SPEED
+}
+
 /// Whether `replayed` is to be taken over. `stretch` is the AV's, once that has left the log.
 #[must_use]
 pub fn is_due(
@@ -144,7 +161,7 @@ pub fn is_due(
     stretch: Option<&Stretch>,
     others: &[Departed],
 ) -> bool {
-    let Some((way, sample)) = replayed.way else { return false };
+    let Some((way, sample)) = replayed.way.filter(|_| goes_where_it_points(replayed.state)) else { return false };
     let agent = replayed.agent;
     match agent.kind {
         AgentKind::Other => return false,
