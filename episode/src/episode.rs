@@ -407,7 +407,8 @@ impl Episode {
                 }
                 Err(agents) => {
                     let step = self.step;
-                    return self.fail(format!("nobody said where the {agents} agents that react are after step {step}"));
+                    return self
+                        .fail(format!("nobody said where the {agents} agents that react are after step {step}"));
                 }
             }
         }

@@ -183,9 +183,10 @@ fn floor(drive: &Drive) -> f64 {
         let began = Instant::now();
         for (observation, taken) in &drive.steps {
             let near = taken.iter().map(|agent| {
-                let near = observation.agents.iter().filter(|other| {
-                    black_box(other.state.position()).distance_squared(agent.state.position()) < 900.0
-                });
+                let near = observation
+                    .agents
+                    .iter()
+                    .filter(|other| black_box(other.state.position()).distance_squared(agent.state.position()) < 900.0);
                 near.count()
             });
             black_box(near.sum::<usize>());

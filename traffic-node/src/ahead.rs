@@ -5,8 +5,9 @@ use world::scene::AgentKind;
 use world::traffic::way::SPACING;
 use world::traffic::{Way, WayPlace};
 
+use crate::collision;
 use crate::gap_acceptance::{Claim, claim};
-use crate::idm::Idm;
+use crate::idm::{HARDEST_BRAKING, Idm};
 use crate::scenery::{Body, Scenery, Who};
 
 /// Heights further apart than this (m) are on different levels.
@@ -70,10 +71,12 @@ impl View<'_> {
         (now.min(then) - self.own.half_width, now.max(then) + self.own.half_width)
     }
 
-    /// Room (m) between what is swept and somebody who reaches `across` to either side of `lateral`.
-    pub(crate) fn clearance(&self, lateral: f64, across: f64) -> f64 {
+    /// Room (m) between what is swept and somebody at `there` who reaches `across` to either side. In a bend one's ends swing out.
+    pub(crate) fn clearance(&self, there: &WayPlace, across: f64) -> f64 {
         let (right, left) = self.swept();
-        (lateral - across - left).max(right - lateral - across)
+        let swing = 0.5 * self.own.half_length * self.own.half_length * self.way.curvature(there.sample);
+        let (right, left) = (right - swing.max(0.0), left - swing.min(0.0));
+        (there.lateral - across - left).max(right - there.lateral - across)
     }
 
     /// The bounds of the stretch that is looked at.
@@ -99,6 +102,10 @@ impl View<'_> {
             }
             let place = self.way.follow(body.position, self.place.sample);
             if is_seen && self.look_at(body, &place, &mut ahead) {
+                continue;
+            }
+            if collision::is_imminent(self, body, forecast) {
+                ahead.acceleration = -HARDEST_BRAKING;
                 continue;
             }
             match claim(self, body, &place, forecast) {
@@ -130,7 +137,7 @@ impl View<'_> {
             if there.station <= self.place.station {
                 continue;
             }
-            let room = self.clearance(there.lateral, radius);
+            let room = self.clearance(&there, radius);
             if room < clearance {
                 (clearance, at) = (room, Some(there));
             }
@@ -178,9 +185,8 @@ impl Ahead {
 }
 
 fn meet(a: &Bounds, b: &Bounds) -> bool {
-    let apart = |least: fn(&Bounds) -> f64, greatest: fn(&Bounds) -> f64| {
-        least(a) > greatest(b) || least(b) > greatest(a)
-    };
+    let apart =
+        |least: fn(&Bounds) -> f64, greatest: fn(&Bounds) -> f64| least(a) > greatest(b) || least(b) > greatest(a);
     !apart(|bounds| bounds.least.x, |bounds| bounds.greatest.x)
         && !apart(|bounds| bounds.least.y, |bounds| bounds.greatest.y)
 }

@@ -35,12 +35,11 @@ const ANTICIPATION: f64 = 0.6;
 const REAR: f64 = 0.28;
 
 /// What anybody does at once who is late otherwise: brake harder than this (m/s^2), once it has been due for so many steps.
-const ALARM: f64 = -3.0;
-const ALARMED: usize = 4;
+const ALARM: f64 = -2.0;
+const ALARMED: usize = 3;
 
 /// People on foot, who stop for a car in their way (m/s, m, s, m/s^2).
-const WALKER: Idm =
-    Idm { desired_speed: 1.4, standstill_gap: 0.8, headway: 0.6, acceleration: 0.8, deceleration: 1.5 };
+const WALKER: Idm = Idm { desired_speed: 1.4, standstill_gap: 0.8, headway: 0.6, acceleration: 0.8, deceleration: 1.5 };
 
 /// Speed that is usual on a bicycle (m/s).
 const CYCLIST_SPEED: f64 = 5.0;
@@ -76,7 +75,8 @@ impl Driver {
         let state = taken.state;
         let character = match taken.kind {
             AgentKind::Pedestrian => Character { idm: WALKER, room: 0.0, delay: 0, ..character },
-            AgentKind::Cyclist => Character { threshold: f64::INFINITY, ..character },
+            // Who looks elsewhere on a bicycle does not get far.
+            AgentKind::Cyclist => Character { threshold: f64::INFINITY, delay: 0, ..character },
             AgentKind::Vehicle | AgentKind::Other => character,
         };
         let place = taken.way.follow(state.position(), world::traffic::ways::BEHIND_SAMPLES);
@@ -168,8 +168,7 @@ impl Driver {
     pub(crate) fn decide(&mut self, step: u32, scenery: &Scenery, lights: &Lights, ways: &Ways) -> f64 {
         let own = self.body();
         let Character { idm, margin, room, politeness, threshold, .. } = self.character;
-        let view =
-            View { way: &self.way, place: self.place, target: self.target, own: &own, idm: &idm, margin, room };
+        let view = View { way: &self.way, place: self.place, target: self.target, own: &own, idm: &idm, margin, room };
         let ahead = view.ahead(scenery);
         let free = idm.free(own.speed, self.speeds[self.place.sample]);
         let mut wish = free.min(ahead.acceleration);

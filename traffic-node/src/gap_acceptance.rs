@@ -55,7 +55,7 @@ pub(crate) fn claim(view: &View<'_>, body: &Body, place: &WayPlace, forecast: &F
     let direction = view.way.direction(place.sample);
     let (across, _) = body.reach(direction, body.forward);
     let is_behind = place.station <= view.place.station;
-    if is_behind && view.clearance(place.lateral, across) < ROOM {
+    if is_behind && view.clearance(place, across) < ROOM {
         return None; // he follows, and has eyes of his own
     }
     let zone = zone(view, body, place, forecast)?;
@@ -92,7 +92,7 @@ fn zone(view: &View<'_>, body: &Body, place: &WayPlace, forecast: &Forecast) -> 
         sample = there.sample;
         let (direction, forward) = (view.way.direction(sample), forecast.forwards[look]);
         let (across, along) = body.reach(direction, forward);
-        let is_in = view.clearance(there.lateral, across) < ROOM && there.station > view.place.station;
+        let is_in = view.clearance(&there, across) < ROOM && there.station > view.place.station;
         // Past the end of the way nothing is known.
         if !is_in || sample + 1 >= view.way.len() {
             if zone.is_some() {

@@ -17,6 +17,7 @@
 //! | `driver` | one agent from step to step |
 //! | `ahead` | what one follows, and how much room it is given |
 //! | `gap_acceptance` | who crosses, and who goes first |
+//! | `collision` | the last resort: whom one would drive into within a second and a half |
 //! | `signals` | where one stops at red |
 //! | `mobil` | changes of lane |
 //! | `motion` | from an acceleration to the next state |
@@ -25,6 +26,7 @@
 
 mod ahead;
 pub mod character;
+mod collision;
 mod driver;
 mod gap_acceptance;
 pub mod idm;
@@ -127,10 +129,11 @@ impl Traffic for Company {
             let wish = self.drivers[index].decide(observation.step, &self.scenery, &self.lights, &self.ways);
             self.wishes.push(wish);
         }
-        let moves = self.drivers.iter_mut().zip(&self.wishes).map(|(driver, wish)| TrafficMove {
-            track: driver.track,
-            state: driver.advance(observation.step, *wish),
-        });
+        let moves = self
+            .drivers
+            .iter_mut()
+            .zip(&self.wishes)
+            .map(|(driver, wish)| TrafficMove { track: driver.track, state: driver.advance(observation.step, *wish) });
         Ok(UncheckedMoves { step: observation.step, moves: moves.collect() })
     }
 }

@@ -12,14 +12,13 @@
 
 use std::sync::Arc;
 
-use world::geometry::{Bounds, Point, angle_difference};
+use world::geometry::{Bounds, OrientedBox, Point, angle_difference, boxes_overlap};
 use world::reference_line::ReferenceLine;
 use world::scene::{AgentKind, AgentState};
 use world::traffic::Way;
 use world::traffic::way::SPACING;
 
 use super::{Pedestrians, TrafficSettings};
-use crate::judges::collision::overlaps;
 use crate::judges::reaction::must_react;
 use crate::judges::time_to_collision::TrafficAgent;
 use crate::judges::{Body, STOREY};
@@ -41,8 +40,9 @@ const STRIDE: usize = 4;
 /// Ways with less room than this (m) between who drives on them meet.
 const ROOM: f64 = 0.3;
 
-/// Who would drive into somebody within this time (s) of appearing does not appear.
+/// Who would drive into somebody within this time (s) of appearing, or be driven into, does not appear; nor who is so near ahead of him (m).
 const NO_ROOM: f64 = 1.0;
+const LEAST_ROOM: f64 = 1.0;
 
 /// Somebody who is on one's way but for this (m) is on it.
 const BESIDE: f64 = 0.8;
@@ -102,8 +102,7 @@ impl Departed {
     /// Whether the log would bring `agent` into him, and not into where it has him itself.
     #[must_use]
     pub fn is_run_into_by(&self, agent: &TrafficAgent) -> bool {
-        must_react(&self.body, agent).is_some()
-            && self.logged.is_none_or(|logged| must_react(&logged, agent).is_none())
+        must_react(&self.body, agent).is_some() && self.logged.is_none_or(|logged| must_react(&logged, agent).is_none())
     }
 
     /// Whether he is ahead of somebody of so much width (m) at `sample` of `way`, and on it.
@@ -127,7 +126,12 @@ impl Departed {
 #[must_use]
 pub fn has_no_room(agent: &TrafficAgent, others: &[Departed]) -> bool {
     let is_in_the_way = |other: &Departed| {
-        overlaps(&other.body, agent) || must_react(&other.body, agent).is_some_and(|time| time <= NO_ROOM)
+        let Body { state, outline, speed } = other.body;
+        let ahead = (speed * NO_ROOM).max(LEAST_ROOM);
+        let center = outline.center + outline.forward * (0.5 * ahead);
+        let taken = OrientedBox { center, half_length: outline.half_length + 0.5 * ahead, ..outline };
+        let is_in_his_way = (state.z - agent.z).abs() <= STOREY && boxes_overlap(&taken, &agent.outline);
+        is_in_his_way || must_react(&other.body, agent).is_some_and(|time| time <= NO_ROOM)
     };
     agent.sudden && others.iter().any(is_in_the_way)
 }
@@ -172,8 +176,7 @@ pub fn is_due(
     }
     let width = replayed.state.width;
     let meets_av = || {
-        av.is_run_into_by(agent)
-            || stretch.is_some_and(|stretch| stretch.is_met_by(way, sample, width, agent.speed))
+        av.is_run_into_by(agent) || stretch.is_some_and(|stretch| stretch.is_met_by(way, sample, width, agent.speed))
     };
     replayed.is_near && meets_av()
         || others.iter().any(|other| other.is_run_into_by(agent) || other.is_on(way, sample, width))

@@ -73,8 +73,7 @@ fn drive(scene: &Arc<Scene>, cast: Cast, av: Course) -> Told {
     drive_as(scene, Some(&TrafficSettings::default()), cast, av)
 }
 
-const ALL: [Cast; 6] =
-    [Cast::Idm, Cast::Waymax, Cast::Cautious, Cast::Assertive, Cast::Distracted, Cast::Mixed];
+const ALL: [Cast; 6] = [Cast::Idm, Cast::Waymax, Cast::Cautious, Cast::Assertive, Cast::Distracted, Cast::Mixed];
 
 /// Behind the AV, which the log has going on, somebody as fast as it.
 fn followed() -> Arc<Scene> {
@@ -184,7 +183,8 @@ fn it_is_the_same_in_whatever_order_agents_are_told() {
     let mut episode =
         Episode::new(road.scene(), &protocol()).unwrap().with_traffic(&TrafficSettings::default()).unwrap();
     let factory = Characters { cast: Cast::Mixed, seed: 5 };
-    let (mut one, mut other) = (factory.start(&episode.briefing()).unwrap(), factory.start(&episode.briefing()).unwrap());
+    let (mut one, mut other) =
+        (factory.start(&episode.briefing()).unwrap(), factory.start(&episode.briefing()).unwrap());
     let mut most = 0;
     while episode.ended().is_none() {
         let observation = episode.observe();

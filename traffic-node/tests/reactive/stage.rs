@@ -187,7 +187,10 @@ pub fn drive(scene: &Arc<Scene>, settings: &TrafficSettings, cast: Cast, av: Av)
             }
         }
         let next: BTreeMap<TrackId, AgentState> = moves.moves.iter().map(|told| (told.track, told.state)).collect();
-        count.red += taken.iter().filter(|agent| runs_red(&judged, observation.log_index as usize, observation.step, agent, &next)).count();
+        count.red += taken
+            .iter()
+            .filter(|agent| runs_red(&judged, observation.log_index as usize, observation.step, agent, &next))
+            .count();
         episode.move_traffic(moves).unwrap_or_else(|error| panic!("{} {cast}: {error}", scene.id()));
         episode.advance(&plan(&judged, &mut path, av, &observation));
         count.steps += usize::from(!taken.is_empty());
@@ -208,13 +211,16 @@ pub fn drive(scene: &Arc<Scene>, settings: &TrafficSettings, cast: Cast, av: Av)
 /// From where the log would have it that goes on with the speed and turn that it had.
 fn jumps(jumps: &mut [f64; 3], log: &[Option<AgentState>], now: usize, next: &AgentState) {
     let here = log[now].unwrap();
-    let turn = now.checked_sub(1).and_then(|before| log[before]).map_or(0.0, |before| {
-        angle_difference(before.heading, here.heading)
-    });
+    let turn = now
+        .checked_sub(1)
+        .and_then(|before| log[before])
+        .map_or(0.0, |before| angle_difference(before.heading, here.heading));
     let expected = here.position() + here.velocity() * STEP_SECONDS;
     let told = [
         expected.distance(next.position()),
-        angle_difference(here.heading + turn, next.heading).abs().min(angle_difference(here.heading, next.heading).abs()),
+        angle_difference(here.heading + turn, next.heading)
+            .abs()
+            .min(angle_difference(here.heading, next.heading).abs()),
         (next.speed() - here.speed()).abs(),
     ];
     for (jump, told) in jumps.iter_mut().zip(told) {
@@ -234,9 +240,12 @@ fn runs_red(scene: &Scene, now: usize, step: u32, agent: &Taken, next: &BTreeMap
         let center = agent.way.follow(state.position(), 20);
         let mut sample = center.sample;
         // Ways are followed from the beginning here: a place is looked for all along.
-        let nearest = agent.way.points().iter().enumerate().min_by(|a, b| {
-            a.1.distance_squared(front).total_cmp(&b.1.distance_squared(front))
-        });
+        let nearest = agent
+            .way
+            .points()
+            .iter()
+            .enumerate()
+            .min_by(|a, b| a.1.distance_squared(front).total_cmp(&b.1.distance_squared(front)));
         if let Some((at, _)) = nearest {
             sample = at;
         }
@@ -250,11 +259,17 @@ fn runs_red(scene: &Scene, now: usize, step: u32, agent: &Taken, next: &BTreeMap
         let line = agent.way.follow(signal.stop_point.xy(), agent.way.sample_at(stretch.from));
         let crosses = from.station < line.station && line.station <= to.station;
         let is_on = from.lateral.abs() < 2.0 && line.lateral.abs() < 3.0 && (line.station - stretch.from).abs() < 9.0;
-        let has_been_red = (now - SECONDS_4..=now).all(|step| {
-            scene.signals(step).iter().any(|other| other.lane == signal.lane && other.state.is_red())
-        });
+        let has_been_red = (now - SECONDS_4..=now)
+            .all(|step| scene.signals(step).iter().any(|other| other.lane == signal.lane && other.state.is_red()));
         if crosses && is_on && has_been_red && std::env::var_os("TELL").is_some() {
-            println!("      red: {} of lane {} at step {step}, {:.1} m/s, {:?} {:?}", agent.track, signal.lane, next.speed(), from, line);
+            println!(
+                "      red: {} of lane {} at step {step}, {:.1} m/s, {:?} {:?}",
+                agent.track,
+                signal.lane,
+                next.speed(),
+                from,
+                line
+            );
         }
         crosses && is_on && has_been_red
     })
@@ -280,10 +295,24 @@ fn overlaps(count: &mut Count, episode: &Episode, entangled: &BTreeSet<(i32, i32
                         let who = if reacting.contains(&agent.track) { "reacts" } else { "replayed" };
                         let s = agent.state;
                         let since = episode.taken().iter().find(|t| t.track == agent.track).map(|t| t.since_step);
-                        format!("{} {} {who} since {since:?} v {:.1} {:.1}x{:.1}", agent.kind, agent.track, s.speed(), s.length, s.width)
+                        format!(
+                            "{} {} {who} since {since:?} v {:.1} {:.1}x{:.1}",
+                            agent.kind,
+                            agent.track,
+                            s.speed(),
+                            s.length,
+                            s.width
+                        )
                     };
                     let beside = one.state.pose().pose_to_body(other.state.pose());
-                    println!("      {} / {} at ({:.1}, {:.1}, {:.2})", told(one), told(other), beside.x, beside.y, beside.heading);
+                    println!(
+                        "      {} / {} at ({:.1}, {:.1}, {:.2})",
+                        told(one),
+                        told(other),
+                        beside.x,
+                        beside.y,
+                        beside.heading
+                    );
                 }
                 count.overlapping.entry((a, b)).or_insert(observation.step);
             }

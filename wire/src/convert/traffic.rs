@@ -38,7 +38,8 @@ mod tests {
     use super::*;
 
     fn moves() -> UncheckedMoves {
-        let state = AgentState { x: 1.5, heading: -0.3, velocity_x: 4.0, length: 4.5, width: 2.0, ..Default::default() };
+        let state =
+            AgentState { x: 1.5, heading: -0.3, velocity_x: 4.0, length: 4.5, width: 2.0, ..Default::default() };
         UncheckedMoves { step: 7, moves: vec![TrafficMove { track: TrackId(-3), state }] }
     }
 

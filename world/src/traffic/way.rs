@@ -194,11 +194,7 @@ fn resampled(points: &[Point3]) -> Vec<Point3> {
         while samples.len() as f64 * SPACING <= walked + length && samples.len() < MOST_SAMPLES {
             let share = (samples.len() as f64 * SPACING - walked) / length;
             let mix = |a: f64, b: f64| a + share * (b - a);
-            samples.push(Point3::new(
-                mix(pair[0].x, pair[1].x),
-                mix(pair[0].y, pair[1].y),
-                mix(pair[0].z, pair[1].z),
-            ));
+            samples.push(Point3::new(mix(pair[0].x, pair[1].x), mix(pair[0].y, pair[1].y), mix(pair[0].z, pair[1].z)));
         }
         walked += length;
     }
@@ -244,7 +240,10 @@ mod tests {
         let stretch = |from, lane| LaneStretch { from, lane };
         let samples: Vec<Point3> = (0..10).map(|k| Point3::new(SPACING * f64::from(k), 0.0, 0.0)).collect();
         let way = Way::new(&samples, vec![stretch(1.0, Some(MapId(1))), stretch(3.0, None)]).unwrap();
-        assert_eq!([0.5, 1.0, 2.9, 3.5].map(|station| way.lane_at(station)), [None, Some(MapId(1)), Some(MapId(1)), None]);
+        assert_eq!(
+            [0.5, 1.0, 2.9, 3.5].map(|station| way.lane_at(station)),
+            [None, Some(MapId(1)), Some(MapId(1)), None]
+        );
         assert_eq!(Way::new(&samples[..1], Vec::new()), None);
     }
 }

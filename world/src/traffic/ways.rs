@@ -51,9 +51,9 @@ impl Ways {
     #[must_use]
     pub fn of_log(&self, states: &[Option<AgentState>], now: usize, kind: AgentKind) -> Option<Way> {
         let here = (*states.get(now)?)?;
-        let behind = states[..now].iter().rposition(|state| {
-            state.is_some_and(|state| state.position().distance(here.position()) >= BEHIND)
-        });
+        let behind = states[..now]
+            .iter()
+            .rposition(|state| state.is_some_and(|state| state.position().distance(here.position()) >= BEHIND));
         let points = if kind == AgentKind::Pedestrian { &self.nowhere } else { &self.points };
         let places = forward(&drive(&states[behind.unwrap_or(0)..], &self.graph, points));
         let last = places.last()?;
@@ -94,9 +94,11 @@ impl Ways {
     pub fn beside(&self, lane: MapId, point: Point) -> impl Iterator<Item = LaneMatch> {
         let own = self.map.lanes.iter().find(|own| own.id == lane);
         let sides = own.into_iter().flat_map(move |own| {
-            let nearest = own.centerline.iter().enumerate().min_by(|a, b| {
-                a.1.xy().distance_squared(point).total_cmp(&b.1.xy().distance_squared(point))
-            });
+            let nearest = own
+                .centerline
+                .iter()
+                .enumerate()
+                .min_by(|a, b| a.1.xy().distance_squared(point).total_cmp(&b.1.xy().distance_squared(point)));
             let at = nearest.map_or(0, |(index, _)| index as i32);
             let open = move |neighbor: &&LaneNeighbor| {
                 let is_along = (neighbor.self_start_index..=neighbor.self_end_index).contains(&at);
