@@ -6,9 +6,9 @@ use world::traffic::way::SPACING;
 use world::traffic::{Way, WayPlace};
 
 use crate::collision;
-use crate::gap_acceptance::{Claim, claim};
+use crate::gap_acceptance::{Claim, claim, comes_near};
 use crate::idm::{HARDEST_BRAKING, Idm};
-use crate::scenery::{Body, Scenery, Who};
+use crate::scenery::{Body, STANDING, Scenery, Who};
 
 /// Heights further apart than this (m) are on different levels.
 const STOREY: f64 = 3.0;
@@ -26,9 +26,12 @@ const COURTESY: f64 = 0.8;
 /// How far ahead room is given (m).
 const COURTESY_AHEAD: f64 = 30.0;
 
+/// Who is behind, and faster by no more than this (m/s), does not come ahead while one looks.
+const FASTER: f64 = 1.0;
+
 /// How far one looks (m), and how much farther for each m/s.
-const SIGHT: f64 = 20.0;
-const SIGHT_SECONDS: f64 = 4.0;
+const SIGHT: f64 = 15.0;
+const SIGHT_SECONDS: f64 = 3.5;
 
 /// Samples between those that bound what is looked at (4 m), and how far a way bends aside between them (m).
 const STRIDE: usize = 8;
@@ -96,12 +99,20 @@ impl View<'_> {
             if body.track == self.own.track || (body.z - self.own.z).abs() > STOREY {
                 continue;
             }
-            let is_seen = sight.grown(body.half_length).hold(body.position);
-            if !is_seen && !meet(&sight, &forecast.bounds) {
+            let offset = body.position - self.own.position;
+            let is_behind = offset.dot(self.own.forward) < -self.own.half_length - body.half_length;
+            if is_behind && body.velocity.dot(self.own.forward) <= self.own.speed + FASTER {
+                continue; // and stays there
+            }
+            let is_seen = !is_behind && sight.grown(body.half_length).hold(body.position);
+            if !is_seen && (body.speed < STANDING || !meet(&sight, &forecast.bounds)) {
                 continue;
             }
             let place = self.way.follow(body.position, self.place.sample);
             if is_seen && self.look_at(body, &place, &mut ahead) {
+                continue;
+            }
+            if !comes_near(self, body, &place, forecast) {
                 continue;
             }
             if collision::is_imminent(self, body, forecast) {
@@ -132,6 +143,11 @@ impl View<'_> {
         let (mut clearance, mut gap, mut at) = (f64::INFINITY, f64::INFINITY, None);
         let direction = self.way.direction(place.sample);
         let comes = self.comes_aside(body, place, direction);
+        let (across, _) = body.reach(direction, body.forward);
+        let sag = 0.5 * body.half_length * body.half_length * self.way.curvature(place.sample).abs();
+        if self.clearance(place, across + sag) > COURTESY + comes {
+            return false; // nobody has to look closer
+        }
         for (center, radius) in body.discs(direction) {
             let there = if center == body.position { *place } else { self.way.follow(center, place.sample) };
             if there.station <= self.place.station {

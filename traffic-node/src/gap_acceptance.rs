@@ -9,6 +9,10 @@ use crate::scenery::{Body, Forecast, LOOK_SECONDS, LOOKS, STANDING, Who};
 /// Room (m) that who comes must have beside one.
 const ROOM: f64 = 0.3;
 
+/// Whoever heads along the way (cosine of 0.1 rad), now and at last, and comes no nearer than this (m/s), stays beside it.
+const ALONG: f64 = 0.995;
+const DRIFT: f64 = 0.3;
+
 /// Whoever goes along one's way as straight as this (cosine of 45 degrees) merges.
 const MERGES: f64 = 0.7;
 
@@ -47,11 +51,31 @@ struct Zone {
     merges: bool,
 }
 
+/// Whether somebody beside the way comes to it, or over it: by where he is after 2 s and after 4. Who does not, in three lanes of traffic nearly
+/// everybody, is looked at no closer.
+pub(crate) fn comes_near(view: &View<'_>, body: &Body, place: &WayPlace, forecast: &Forecast) -> bool {
+    if body.speed < STANDING {
+        return false;
+    }
+    let direction = view.way.direction(place.sample);
+    let last = LOOKS - 1;
+    let then = view.way.direction(view.way.sample_at(place.station + body.speed * LOOKS as f64 * LOOK_SECONDS));
+    let is_along = direction.dot(body.forward) > ALONG && then.dot(forecast.forwards[last]) > ALONG;
+    if is_along && direction.cross(body.velocity).abs() < DRIFT && view.clearance(place, body.half_width) > ROOM {
+        return false; // it keeps its lane, and that lies beside the way
+    }
+    let mut sample = place.sample;
+    [LOOKS / 2 - 1, last].into_iter().any(|look| {
+        let there = view.way.follow(forecast.points[look], sample);
+        sample = there.sample;
+        let (across, _) = body.reach(view.way.direction(sample), forecast.forwards[look]);
+        let changes_sides = (there.lateral > view.place.lateral) != (place.lateral > view.place.lateral);
+        changes_sides || view.clearance(&there, across) < ROOM
+    })
+}
+
 /// What `body`, now at `place` beside the way and out of it, asks for.
 pub(crate) fn claim(view: &View<'_>, body: &Body, place: &WayPlace, forecast: &Forecast) -> Option<Claim> {
-    if body.speed < STANDING {
-        return None;
-    }
     let direction = view.way.direction(place.sample);
     let (across, _) = body.reach(direction, body.forward);
     let is_behind = place.station <= view.place.station;

@@ -73,6 +73,7 @@ impl Way {
     }
 
     /// Number of samples.
+    #[inline]
     #[must_use]
     #[allow(clippy::len_without_is_empty, reason = "it never is")]
     pub fn len(&self) -> usize {
@@ -80,36 +81,42 @@ impl Way {
     }
 
     /// Length (m).
+    #[inline]
     #[must_use]
     pub fn length(&self) -> f64 {
         (self.points.len() - 1) as f64 * SPACING
     }
 
     /// All samples.
+    #[inline]
     #[must_use]
     pub fn points(&self) -> &[Point] {
         &self.points
     }
 
     /// Height of the ground at `sample` (m).
+    #[inline]
     #[must_use]
     pub fn height(&self, sample: usize) -> f64 {
         self.heights[self.inside(sample)]
     }
 
     /// Direction at `sample` (rad).
+    #[inline]
     #[must_use]
     pub fn heading(&self, sample: usize) -> f64 {
         self.headings[self.inside(sample)]
     }
 
     /// The same as a unit vector.
+    #[inline]
     #[must_use]
     pub fn direction(&self, sample: usize) -> Point {
         self.directions[self.inside(sample)]
     }
 
     /// Curvature at `sample` (1/m), positive to the left.
+    #[inline]
     #[must_use]
     pub fn curvature(&self, sample: usize) -> f64 {
         self.curvatures[self.inside(sample)]
@@ -129,12 +136,14 @@ impl Way {
     }
 
     /// The sample at or before `station` (m).
+    #[inline]
     #[must_use]
     pub fn sample_at(&self, station: f64) -> usize {
         self.inside((station / SPACING).max(0.0) as usize)
     }
 
     /// The point at `station` (m), straight on past either end.
+    #[inline]
     #[must_use]
     pub fn point_at(&self, station: f64) -> Point {
         let sample = self.sample_at(station);
@@ -142,29 +151,38 @@ impl Way {
     }
 
     /// Where `point` lies, looked for downhill from the sample `hint`, first to where the way's direction there leads.
+    #[inline]
     #[must_use]
     pub fn follow(&self, point: Point, hint: usize) -> WayPlace {
-        let hint = self.inside(hint);
-        let guess = hint as f64 + (point - self.points[hint]).dot(self.directions[hint]) / SPACING;
-        let mut sample = self.inside(guess.max(0.0) as usize);
-        let mut distance = self.points[sample].distance_squared(point);
-        loop {
-            let (before, after) = (sample.saturating_sub(1), self.inside(sample + 1));
-            let (to_before, to_after) =
-                (self.points[before].distance_squared(point), self.points[after].distance_squared(point));
-            if to_after < distance && to_after <= to_before {
-                (sample, distance) = (after, to_after);
-            } else if to_before < distance {
-                (sample, distance) = (before, to_before);
-            } else {
+        let last = self.points.len() - 1;
+        let mut sample = hint.min(last);
+        // To where the direction leads, once more from there for the bend between, and downhill from there.
+        for _ in 0..2 {
+            let ahead = (point - self.points[sample]).dot(self.directions[sample]) * (1.0 / SPACING);
+            sample = ((sample as f64 + ahead).max(0.0) as usize).min(last);
+        }
+        let away = |sample: usize| self.points[sample].distance_squared(point);
+        let mut distance = away(sample);
+        while sample < last {
+            let next = away(sample + 1);
+            if next >= distance {
                 break;
             }
+            (sample, distance) = (sample + 1, next);
+        }
+        while sample > 0 {
+            let next = away(sample - 1);
+            if next >= distance {
+                break;
+            }
+            (sample, distance) = (sample - 1, next);
         }
         let offset = point - self.points[sample];
         let direction = self.directions[sample];
         WayPlace { sample, station: sample as f64 * SPACING + direction.dot(offset), lateral: direction.cross(offset) }
     }
 
+    #[inline]
     fn inside(&self, sample: usize) -> usize {
         sample.min(self.points.len() - 1)
     }
