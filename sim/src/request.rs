@@ -177,6 +177,7 @@ impl Request {
             protocol,
             latency,
             fork: None,
+            traffic: None,
         };
         let machine = Machine {
             parallel: arguments.parallel.unwrap_or(cores),
