@@ -29,6 +29,9 @@ const COURTESY_AHEAD: f64 = 30.0;
 /// Who is behind, and faster by no more than this (m/s), does not come ahead while one looks.
 const FASTER: f64 = 1.0;
 
+/// Who goes one's own way, this much farther (m) than somebody who is followed already, is that one's to mind.
+const BEYOND: f64 = 15.0;
+
 /// How far one looks (m), and how much farther for each m/s.
 const SIGHT: f64 = 15.0;
 const SIGHT_SECONDS: f64 = 3.5;
@@ -100,15 +103,21 @@ impl View<'_> {
                 continue;
             }
             let offset = body.position - self.own.position;
-            let is_behind = offset.dot(self.own.forward) < -self.own.half_length - body.half_length;
+            let along = offset.dot(self.own.forward);
+            let is_behind = along < -self.own.half_length - body.half_length;
             if is_behind && body.velocity.dot(self.own.forward) <= self.own.speed + FASTER {
                 continue; // and stays there
+            }
+            let beyond = ahead.leader.map_or(f64::INFINITY, |(gap, _)| gap + self.own.half_length + BEYOND);
+            if along - body.half_length > beyond && body.forward.dot(self.own.forward) > 0.9 {
+                continue;
             }
             let is_seen = !is_behind && sight.grown(body.half_length).hold(body.position);
             if !is_seen && (body.speed < STANDING || !meet(&sight, &forecast.bounds)) {
                 continue;
             }
-            let place = self.way.follow(body.position, self.place.sample);
+            let hint = self.place.sample + (along.max(0.0) / SPACING) as usize;
+            let place = self.way.follow(body.position, hint);
             if is_seen && self.look_at(body, &place, &mut ahead) {
                 continue;
             }

@@ -21,8 +21,9 @@ const FIRST_ACCELERATION: f64 = 1.9;
 /// How far the place that one steers to moves aside in a step (m).
 const ASIDE: f64 = 0.05;
 
-/// Steps between thoughts about lanes, and after a change.
+/// Steps between thoughts about lanes; without any after a hand-over, and after a change.
 const THINKS: u32 = 10;
+const ARRIVED: u32 = 20;
 const SETTLED: u32 = 60;
 
 /// No bend asks for less than this (m/s): ways have kinks.
@@ -66,8 +67,8 @@ pub(crate) struct Driver {
     own_speed: f64,
     /// Accelerations wished for lately, the newest first.
     wishes: [f64; LATEST + 1],
-    /// The step of the last change of lane.
-    changed: u32,
+    /// The step from which on it may think about lanes.
+    settled: u32,
 }
 
 impl Driver {
@@ -93,7 +94,7 @@ impl Driver {
             own_speed: state.speed(),
             wishes: [0.0; LATEST + 1],
             target: 0.0,
-            changed: 0,
+            settled: taken.since_step.saturating_add(ARRIVED),
             place,
             state,
             character,
@@ -176,7 +177,8 @@ impl Driver {
             wish = wish.min(lights.acceleration(&self.way, view.front(), own.speed, &idm));
         }
         let aside = ahead.aside.1 - ahead.aside.0;
-        let thinks = (step + self.track.0.cast_unsigned()) % THINKS == 0 && step >= self.changed + SETTLED;
+        let turn = step.wrapping_add(self.track.0.cast_unsigned());
+        let thinks = turn.is_multiple_of(THINKS) && step >= self.settled;
         if thinks && self.kind == AgentKind::Vehicle && ahead.leader.is_some() {
             let incentive = Incentive { politeness, threshold, now: wish, free };
             if let Some(way) = mobil::change(&view, &incentive, scenery, ways) {
@@ -191,7 +193,7 @@ impl Driver {
         self.place = way.follow(self.motion.position, 0);
         self.way = way;
         self.target = 0.0;
-        self.changed = step;
+        self.settled = step.saturating_add(SETTLED);
         self.aim(ways);
     }
 

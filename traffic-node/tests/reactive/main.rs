@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs, reason = "a test may panic, and prints its table")]
 
 mod generated_scenes;
+mod lanes;
 mod laws;
 mod real_scenes;
 mod stage;

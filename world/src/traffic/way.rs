@@ -159,7 +159,11 @@ impl Way {
         // To where the direction leads, once more from there for the bend between, and downhill from there.
         for _ in 0..2 {
             let ahead = (point - self.points[sample]).dot(self.directions[sample]) * (1.0 / SPACING);
-            sample = ((sample as f64 + ahead).max(0.0) as usize).min(last);
+            let next = ((sample as f64 + ahead + 0.5).max(0.0) as usize).min(last);
+            if next == sample {
+                break;
+            }
+            sample = next;
         }
         let away = |sample: usize| self.points[sample].distance_squared(point);
         let mut distance = away(sample);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::way::{LaneStretch, SPACING, Way, even};
 use crate::geometry::{Point, Point3};
 use crate::lane_graph::LaneGraph;
-use crate::map::{LaneNeighbor, Map, MapId, RoadLineKind};
+use crate::map::{Lane, LaneNeighbor, Map, MapId, RoadLineKind};
 use crate::map_matching::{LaneMatch, LanePoints};
 use crate::route::{Lanes, Place, drive};
 use crate::scene::{AgentKind, AgentState};
@@ -92,7 +92,8 @@ impl Ways {
     /// The lanes beside `lane`, left before right, that cars may change to from `point`: no solid line lies between, and they lead on far
     /// enough. For each the point of it that is nearest.
     pub fn beside(&self, lane: MapId, point: Point) -> impl Iterator<Item = LaneMatch> {
-        let own = self.map.lanes.iter().find(|own| own.id == lane);
+        let has_neighbors = |own: &&Lane| !(own.left_neighbors.is_empty() && own.right_neighbors.is_empty());
+        let own = self.map.lanes.iter().find(|own| own.id == lane).filter(has_neighbors);
         let sides = own.into_iter().flat_map(move |own| {
             let nearest = own
                 .centerline
@@ -177,7 +178,6 @@ fn forward(places: &[Place]) -> Vec<Place> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::Lane;
 
     /// Lane 1 for 100 m to the east, lane 2 on from there.
     fn road() -> Arc<Map> {
