@@ -40,7 +40,7 @@ use crate::reference_line::{ReferenceLine, ReferenceWindow, SAMPLES_BEHIND, WIND
 use crate::scene::Scene;
 use crate::signal::Signal;
 
-pub(crate) use drive::{Place, drive};
+pub(crate) use drive::{POSE_SPACING, Place, drive};
 pub use red_stops::{RouteStop, RouteStops};
 pub(crate) use strict::Lanes;
 

@@ -6,7 +6,7 @@ use crate::map_matching::{LaneMatch, LanePoints};
 use crate::scene::AgentState;
 
 /// The AV must have moved this far (m) for its pose to count anew: where it stands, it says nothing.
-const POSE_SPACING: f64 = 1.0;
+pub(crate) const POSE_SPACING: f64 = 1.0;
 
 /// A lane within this distance (m) and heading (rad) may be the one driven on.
 const SEARCH_RADIUS: f64 = 5.0;

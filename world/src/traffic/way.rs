@@ -243,7 +243,7 @@ mod tests {
         for pair in way.points().windows(2) {
             assert!((pair[0].distance(pair[1]) - SPACING).abs() < 0.01);
         }
-        assert!((way.length() - 0.5 * std::f64::consts::PI * 20.0).abs() < 0.6, "{}", way.length());
+        assert!((way.length() - 0.5 * std::f64::consts::PI * 20.0).abs() < 1.2, "{}", way.length());
         assert!((way.curvature(30) - 0.05).abs() < 0.003, "{}", way.curvature(30));
     }
 

@@ -7,7 +7,7 @@ use crate::geometry::{Point, Point3};
 use crate::lane_graph::LaneGraph;
 use crate::map::{Lane, LaneNeighbor, Map, MapId, RoadLineKind};
 use crate::map_matching::{LaneMatch, LanePoints};
-use crate::route::{Lanes, Place, drive};
+use crate::route::{Lanes, POSE_SPACING, Place, drive};
 use crate::scene::{AgentKind, AgentState};
 
 /// How far a way reaches back from where its agent is (m).
@@ -55,10 +55,10 @@ impl Ways {
             .iter()
             .rposition(|state| state.is_some_and(|state| state.position().distance(here.position()) >= BEHIND));
         let points = if kind == AgentKind::Pedestrian { &self.nowhere } else { &self.points };
-        let places = forward(&drive(&states[behind.unwrap_or(0)..], &self.graph, points));
+        let from = behind.unwrap_or(0);
+        let places = forward(&drive(&states[from..], &self.graph, points));
         let last = places.last()?;
-        let away = states[now..].iter().flatten().map(|state| state.position().distance(here.position()));
-        if away.fold(0.0, f64::max) < LEAST_WAY || last.pose.position().distance(here.position()) < LEAST_WAY {
+        if last.driven - driven(&states[from..=now]) < LEAST_WAY {
             return None;
         }
         let mut course: Vec<(Point3, Option<usize>)> = places.iter().map(on_its_place).collect();
@@ -159,6 +159,20 @@ fn is_solid(kind: RoadLineKind) -> bool {
     matches!(kind, SolidSingleWhite | SolidDoubleWhite | SolidSingleYellow | SolidDoubleYellow)
 }
 
+/// The distance (m) that [`Place::driven`] has at the last of these states.
+fn driven(states: &[Option<AgentState>]) -> f64 {
+    let mut last: Option<Point> = None;
+    let mut driven = 0.0;
+    for state in states.iter().flatten() {
+        let moved = last.map_or(0.0, |last| last.distance(state.position()));
+        if last.is_none() || moved >= POSE_SPACING {
+            driven += moved;
+            last = Some(state.position());
+        }
+    }
+    driven
+}
+
 /// The places that lead on: who backs up and goes on again has a way that does not.
 fn forward(places: &[Place]) -> Vec<Place> {
     let mut kept: Vec<Place> = Vec::new();
@@ -226,8 +240,10 @@ mod tests {
     #[test]
     fn who_stands_or_backs_up_has_no_way() {
         let ways = Ways::on(&road());
-        assert_eq!(ways.of_log(&log(|_| 0.0, 60), 10, AgentKind::Vehicle), None);
-        assert_eq!(ways.of_log(&log(|_| -4.0, 60), 10, AgentKind::Vehicle), None);
+        assert!(ways.of_log(&log(|_| 0.0, 60), 10, AgentKind::Vehicle).is_none());
+        assert!(ways.of_log(&log(|_| -4.0, 60), 10, AgentKind::Vehicle).is_none());
+        let stops = log(|step| if step < 30 { 8.0 } else { 0.0 }, 60);
+        assert!(ways.of_log(&stops, 29, AgentKind::Vehicle).is_none(), "what it has driven before is no matter");
         assert!(ways.of_log(&log(|step| if step < 30 { 0.0 } else { 6.0 }, 60), 10, AgentKind::Vehicle).is_some());
     }
 }
