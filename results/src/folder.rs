@@ -106,11 +106,9 @@ impl Folder {
     /// [`FolderError`] where it holds something else.
     pub fn open_shard(path: &Path, file: &RunFile, hashes: Hashes<'_>, shard: Shard) -> Result<Opened, FolderError> {
         create(path)?;
-        let _beginning = hold::begin(path)?;
         refuse_other_things(path)?;
-        let parts = path.join("parts");
-        fs::create_dir_all(&parts).map_err(at("create", &parts))?;
-        let hold = Hold::shard(path, shard)?;
+        let _beginning = hold::begin(path)?;
+        let mut hold = Hold::shared(path)?;
         if let Some(mut there) = read_run_file(path)?
             && there.machine.shards.as_ref().map(|shards| shards.count) != Some(shard.of())
             && there.differences(file).is_empty()
@@ -123,7 +121,22 @@ impl Folder {
             write_settings(path, &there)?;
             hold.share(path)?;
         }
-        Self { path: path.to_owned(), shard: Some(shard), hold: Arc::new(hold) }.settle(file, hashes)
+        // Before anything else is there: whatever kills this now, a folder without `run.toml` is empty.
+        let is_new = !path.join("run.toml").exists();
+        if is_new {
+            write_settings(path, file)?;
+        }
+        // Of a merged run no shard is at work.
+        if !path.join(DIGEST).exists() {
+            let parts = path.join("parts");
+            fs::create_dir_all(&parts).map_err(at("create", &parts))?;
+            hold.take(path, shard)?;
+        }
+        let folder = Self { path: path.to_owned(), shard: Some(shard), hold: Arc::new(hold) };
+        Ok(match folder.settle(file, hashes)? {
+            Opened::Unfinished(folder) if is_new => Opened::New(folder),
+            opened => opened,
+        })
     }
 
     /// The folder of a run that is there, and the run. Nobody works in it meanwhile.
@@ -151,6 +164,7 @@ impl Folder {
         }
         if self.is_finished() {
             if self.shard.is_none() {
+                // Left where a merge was killed at its very end.
                 self.remove_parts()?;
             }
             return Ok(Opened::Finished(self));
@@ -581,6 +595,20 @@ mod tests {
         drop(second);
         assert!(!hold::is_at_work(&path, "2/2".parse().unwrap()));
         assert!(open_shard(&path, "2/2").is_ok());
+    }
+
+    #[test]
+    fn a_shard_touches_no_folder_of_others_and_begins_where_another_was_killed_at_any_moment() {
+        let root = tempfile::tempdir().unwrap();
+        fs::write(root.path().join("today.txt"), "rain").unwrap();
+        assert!(matches!(open_shard(root.path(), "1/2"), Err(FolderError::NotARun(_))));
+        assert_eq!(fs::read_dir(root.path()).unwrap().count(), 1);
+        let path = root.path().join("run");
+        fs::create_dir(&path).unwrap();
+        for left in [".begin", ".lock", "run.toml.partial"] {
+            fs::write(path.join(left), "").unwrap();
+        }
+        assert!(matches!(open_shard(&path, "1/2"), Ok(Opened::New(_))));
     }
 
     #[test]

@@ -22,7 +22,7 @@ pub(crate) const FILES: [&str; 2] = [LOCK, BEGINNING];
 #[derive(Debug)]
 pub struct Hold {
     lock: File,
-    _shard: Option<File>,
+    shard: Option<File>,
 }
 
 impl Hold {
@@ -34,21 +34,26 @@ impl Hold {
         let path = folder.join(LOCK);
         let lock = open(&path)?;
         taken(lock.try_lock(), &path, || FolderError::Busy(folder.to_owned()))?;
-        Ok(Self { lock, _shard: None })
+        Ok(Self { lock, shard: None })
     }
 
-    /// Takes one shard of it.
+    /// Takes it beside others who do so too.
     ///
     /// # Errors
-    /// [`FolderError`] where somebody has the whole folder, or this shard.
-    pub(crate) fn shard(folder: &Path, shard: Shard) -> Result<Self, FolderError> {
-        let path = folder.join(LOCK);
-        let lock = open(&path)?;
-        taken(lock.try_lock_shared(), &path, || FolderError::Busy(folder.to_owned()))?;
+    /// [`FolderError::Busy`] where somebody has the whole folder.
+    pub(crate) fn shared(folder: &Path) -> Result<Self, FolderError> {
+        let hold = Self { lock: open(&folder.join(LOCK))?, shard: None };
+        hold.share(folder).map(|()| hold)
+    }
+
+    /// Takes one shard of it, for itself.
+    ///
+    /// # Errors
+    /// [`FolderError::BusyShard`] where somebody has it.
+    pub(crate) fn take(&mut self, folder: &Path, shard: Shard) -> Result<(), FolderError> {
         let path = path_of(folder, shard);
-        let own = open(&path)?;
-        taken(own.try_lock(), &path, || FolderError::BusyShard { shard, path: folder.to_owned() })?;
-        Ok(Self { lock, _shard: Some(own) })
+        let own = self.shard.insert(open(&path)?);
+        taken(own.try_lock(), &path, || FolderError::BusyShard { shard, path: folder.to_owned() })
     }
 
     /// Whether nobody else is at work there; then nobody will be as long as this is held. Where somebody is, this holds the folder no

@@ -130,15 +130,17 @@ fn merge_shards(arguments: &MergeArgs, console: &Console) -> anyhow::Result<Exit
     if arguments.runs.len() > 1 && !arguments.from.is_empty() {
         anyhow::bail!("--from is for one run\nhint: merge them one after the other");
     }
-    let mut code = ExitCode::SUCCESS;
-    for run in &arguments.runs {
+    let merged = arguments.runs.iter().map(|run| {
         merge::merge(run, &arguments.from, console)?;
-        let printed = print_run(run)?;
-        if printed != ExitCode::SUCCESS {
-            code = printed;
-        }
-    }
-    Ok(code)
+        print_run(run)
+    });
+    worst_of(merged)
+}
+
+/// The first that is no success, when all are done.
+fn worst_of(codes: impl Iterator<Item = anyhow::Result<ExitCode>>) -> anyhow::Result<ExitCode> {
+    let codes = codes.collect::<Result<Vec<_>, _>>()?;
+    Ok(codes.into_iter().find(|code| *code != ExitCode::SUCCESS).unwrap_or(ExitCode::SUCCESS))
 }
 
 /// Prints what a run would take.
@@ -169,8 +171,7 @@ fn drive_matrix(arguments: &MatrixArgs, clock: WallClock, console: &Console) -> 
     let interrupts = Interrupts::catch()?;
     let driven = matrix::drive(&requests, clock, console, &interrupts)?;
     if driven.iter().any(|done| done.shard.is_some()) {
-        let codes = driven.iter().map(print_done).collect::<Result<Vec<_>, _>>()?;
-        return Ok(codes.into_iter().find(|code| *code != ExitCode::SUCCESS).unwrap_or(ExitCode::SUCCESS));
+        return worst_of(driven.iter().map(print_done));
     }
     let runs = driven.iter().map(|done| Summary::read(&done.folder)).collect::<Result<Vec<Summary>, _>>()?;
     let clean = runs.iter().all(|run| run.failures.is_empty() && run.broken_recordings.is_empty());
