@@ -83,7 +83,7 @@ fn run_over(inputs: &[String], root: &Path, protocol: &str, finish: bool) -> Pat
         folder.store(scene.id().as_str(), &part).unwrap();
     }
     if finish {
-        results::merge(&folder, &file, None, |_, _| {}).unwrap();
+        results::merge(&folder, &file, None, |_, _| true).unwrap();
     }
     path
 }

@@ -23,7 +23,7 @@ fn merge_of(episodes: usize, criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group(format!("{episodes} episodes of 150 steps"));
     group.sample_size(10);
     group.bench_function("merge", |bencher| {
-        bencher.iter(|| results::merge(&folder, &file, None, |_, _| {}).unwrap());
+        bencher.iter(|| results::merge(&folder, &file, None, |_, _| true).unwrap());
     });
     group.bench_function("floor: parts read, and compressed once", |bencher| {
         bencher.iter(|| {

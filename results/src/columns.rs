@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
-use arrow_array::{ArrayRef, BooleanArray, Float64Array, RecordBatch, StringArray, UInt32Array};
+use arrow_array::builder::StringBuilder;
+use arrow_array::{ArrayRef, BooleanArray, Float64Array, RecordBatch, UInt32Array};
 use arrow_schema::{ArrowError, DataType, Field, Schema};
 use episode::guidance::STEP_US;
 use episode::metrics::METRICS;
 use wire::proto::{AgentState, StepRecord};
 
-use super::part::{Part, reason_name};
+use super::part::{Part, Timing, reason_name};
 use crate::settings::{SceneLine, Settings};
 
 /// What all rows of a run share.
@@ -52,7 +53,10 @@ impl Columns {
 
     /// A column of text.
     pub fn text<T: AsRef<str>>(&mut self, name: &str, values: impl IntoIterator<Item = T>) {
-        self.add(name, DataType::Utf8, false, Arc::new(StringArray::from_iter_values(values)));
+        // However many they are: the array's own way asks for their number beforehand.
+        let mut column = StringBuilder::new();
+        values.into_iter().for_each(|value| column.append_value(value));
+        self.add(name, DataType::Utf8, false, Arc::new(column.finish()));
     }
 
     /// A column of counts.
@@ -86,44 +90,52 @@ impl Columns {
     }
 }
 
-/// `results.parquet`: the row of one episode.
+/// An episode, and its scene.
+pub type Episode<'a> = (&'a SceneLine, &'a Part);
+
+/// `results.parquet`: a row an episode.
 ///
 /// # Errors
 /// [`ArrowError`] where columns do not fit together: a bug.
-pub fn results(common: Common<'_>, scene: &SceneLine, part: &Part) -> Result<RecordBatch, ArrowError> {
+pub fn results(common: Common<'_>, episodes: &[Episode<'_>]) -> Result<RecordBatch, ArrowError> {
+    let scenes = || episodes.iter().map(|(scene, _)| scene);
+    let parts = || episodes.iter().map(|(_, part)| *part);
+    let all = |text| episodes.iter().map(move |_| text);
     let mut table = Columns::default();
-    table.text("scene", [&scene.id]);
-    table.text("scene_sha256", [&scene.sha256]);
-    table.text("driver", [common.driver]);
-    table.text("protocol", [common.protocol]);
-    table.text("motion", [common.motion]);
-    table.text("end_reason", [reason_name(part.reason())]);
-    table.text("end_detail", [part.end.as_ref().map_or("", |end| &end.detail)]);
-    table.flag("failed", [part.failed()]);
-    table.count("steps", [part.records.len() as u32]);
-    table.count("start_log_index", [part.start_log_index]);
-    let start = |value: fn(&AgentState) -> f64| [part.start.as_ref().map(value)];
+    table.text("scene", scenes().map(|scene| &scene.id));
+    table.text("scene_sha256", scenes().map(|scene| &scene.sha256));
+    table.text("driver", all(common.driver));
+    table.text("protocol", all(common.protocol));
+    table.text("motion", all(common.motion));
+    table.text("end_reason", parts().map(|part| reason_name(part.reason())));
+    table.text("end_detail", parts().map(|part| part.end.as_ref().map_or("", |end| &end.detail)));
+    table.flag("failed", parts().map(Part::failed));
+    table.count("steps", parts().map(|part| part.records.len() as u32));
+    table.count("start_log_index", parts().map(|part| part.start_log_index));
+    let start = |value: fn(&AgentState) -> f64| parts().map(move |part| part.start.as_ref().map(value));
     table.maybe("start_x_m", start(|av| av.x));
     table.maybe("start_y_m", start(|av| av.y));
     table.maybe("start_heading_rad", start(|av| av.heading));
     table.maybe("start_velocity_x_mps", start(|av| av.velocity_x));
     table.maybe("start_velocity_y_mps", start(|av| av.velocity_y));
     for metric in METRICS {
-        table.maybe(metric.name, [value(part, metric.name)]);
+        table.maybe(metric.name, parts().map(|part| value(part, metric.name)));
     }
     if common.latency {
-        let plans = part.plans.clone().unwrap_or_default();
-        table.count("plans_late", [plans.late]);
-        table.count("plans_lost", [plans.lost]);
-        let ages: Vec<f64> = plan_ages(&part.records).flatten().collect();
-        let mean = ages.iter().sum::<f64>() / ages.len() as f64;
-        table.maybe("mean_plan_age_s", [Some(mean)]);
+        let plans = || parts().map(|part| part.plans.clone().unwrap_or_default());
+        table.count("plans_late", plans().map(|plans| plans.late));
+        table.count("plans_lost", plans().map(|plans| plans.lost));
+        let mean_age = |part: &Part| {
+            let ages: Vec<f64> = plan_ages(&part.records).flatten().collect();
+            Some(ages.iter().sum::<f64>() / ages.len() as f64)
+        };
+        table.maybe("mean_plan_age_s", parts().map(mean_age));
     }
-    table.text("findings", [part.findings.join(", ")]);
-    table.text("unjudged", [part.unjudged.join(", ")]);
-    table.flag("recorded", [part.recorded]);
-    table.text("recording_error", [&part.recording_error]);
-    table.text("episode_sha256", [part.digest()]);
+    table.text("findings", parts().map(|part| part.findings.join(", ")));
+    table.text("unjudged", parts().map(|part| part.unjudged.join(", ")));
+    table.flag("recorded", parts().map(|part| part.recorded));
+    table.text("recording_error", parts().map(|part| &part.recording_error));
+    table.text("episode_sha256", parts().map(Part::digest));
     table.batch()
 }
 
@@ -131,25 +143,28 @@ fn value(part: &Part, name: &str) -> Option<f64> {
     part.end.as_ref()?.metrics.iter().find(|metric| metric.name == name)?.value
 }
 
-/// `steps.parquet`: the rows of one episode, a row a step.
+/// `steps.parquet`: a row a step of these episodes, one after the other.
 ///
 /// # Errors
 /// [`ArrowError`] where columns do not fit together: a bug.
-pub fn steps(common: Common<'_>, part: &Part) -> Result<RecordBatch, ArrowError> {
-    let records = &part.records;
-    let scene = part.end.as_ref().map_or("", |end| end.scene.as_str());
-    let number = |value: fn(&StepRecord) -> f64| records.iter().map(value);
-    let maybe = |value: fn(&StepRecord) -> Option<f64>| records.iter().map(value);
-    let flag = |value: fn(&StepRecord) -> bool| records.iter().map(value);
-    let av = |value: fn(&AgentState) -> f64| records.iter().map(move |record| record.av.as_ref().map(value));
-    let logged = |value: fn(&AgentState) -> f64| part.logged.iter().map(move |at| at.state.as_ref().map(value));
+pub fn steps(common: Common<'_>, episodes: &[Episode<'_>]) -> Result<RecordBatch, ArrowError> {
+    let parts = || episodes.iter().map(|(_, part)| *part);
+    let records = || parts().flat_map(|part| &part.records);
+    let all = |text| records().map(move |_| text);
+    let number = |value: fn(&StepRecord) -> f64| records().map(value);
+    let maybe = |value: fn(&StepRecord) -> Option<f64>| records().map(value);
+    let flag = |value: fn(&StepRecord) -> bool| records().map(value);
+    let av = |value: fn(&AgentState) -> f64| records().map(move |record| record.av.as_ref().map(value));
+    let logged = |value: fn(&AgentState) -> f64| {
+        parts().flat_map(|part| &part.logged).map(move |at| at.state.as_ref().map(value))
+    };
 
     let mut table = Columns::default();
-    table.text("scene", records.iter().map(|_| scene));
-    table.text("driver", records.iter().map(|_| common.driver));
-    table.text("protocol", records.iter().map(|_| common.protocol));
-    table.count("step", records.iter().map(|record| record.step));
-    table.count("log_index", records.iter().map(|record| record.log_index));
+    table.text("scene", parts().flat_map(|part| std::iter::repeat_n(scene_of(part), part.records.len())));
+    table.text("driver", all(common.driver));
+    table.text("protocol", all(common.protocol));
+    table.count("step", records().map(|record| record.step));
+    table.count("log_index", records().map(|record| record.log_index));
     table.maybe("av_x_m", av(|av| av.x));
     table.maybe("av_y_m", av(|av| av.y));
     table.maybe("av_z_m", av(|av| av.z));
@@ -184,10 +199,15 @@ pub fn steps(common: Common<'_>, part: &Part) -> Result<RecordBatch, ArrowError>
     table.maybe("human_velocity_x_mps", logged(|human| human.velocity_x));
     table.maybe("human_velocity_y_mps", logged(|human| human.velocity_y));
     if common.latency {
-        table.maybe("plan_age_s", plan_ages(records));
+        table.maybe("plan_age_s", parts().flat_map(|part| plan_ages(&part.records)));
     }
-    table.text("events", records.iter().map(|record| events_at(part, record.step)));
+    let events = |part: &Part, record: &StepRecord| events_at(part, record.step);
+    table.text("events", parts().flat_map(|part| part.records.iter().map(move |record| events(part, record))));
     table.batch()
+}
+
+fn scene_of(part: &Part) -> &str {
+    part.end.as_ref().map_or("", |end| &end.scene)
 }
 
 /// The sentences of a step's events, one a line.
@@ -211,29 +231,30 @@ fn plan_ages(records: &[StepRecord]) -> impl Iterator<Item = Option<f64>> {
     })
 }
 
-/// `timing.parquet`: the row of one episode; seconds of wall clock.
+/// `timing.parquet`: a row an episode; seconds of wall clock.
 ///
 /// # Errors
 /// [`ArrowError`] where columns do not fit together: a bug.
-pub fn timing(scene: &SceneLine, part: &Part) -> Result<RecordBatch, ArrowError> {
-    let timing = part.timing.unwrap_or_default();
+pub fn timing(episodes: &[Episode<'_>]) -> Result<RecordBatch, ArrowError> {
+    let timing = || episodes.iter().map(|(_, part)| part.timing.unwrap_or_default());
+    let seconds = |value: fn(&Timing) -> f64| timing().map(move |timing| value(&timing));
     let mut table = Columns::default();
-    table.text("scene", [&scene.id]);
-    table.count("worker", [timing.worker]);
-    table.count("steps", [part.records.len() as u32]);
-    table.number("first_step_s", [timing.first_step]);
-    table.number("wall_s", [timing.wall]);
-    table.number("load_s", [timing.load]);
-    table.number("prepare_s", [timing.prepare]);
-    table.number("brief_s", [timing.brief]);
-    table.number("observe_s", [timing.observe]);
-    table.number("answer_s", [timing.answer]);
-    table.number("advance_s", [timing.advance]);
-    table.number("publish_s", [timing.publish]);
-    table.number("recording_s", [timing.recording]);
-    table.number("answer_p50_s", [timing.answer_p50]);
-    table.number("answer_p99_s", [timing.answer_p99]);
-    table.number("answer_max_s", [timing.answer_max]);
+    table.text("scene", episodes.iter().map(|(scene, _)| &scene.id));
+    table.count("worker", timing().map(|timing| timing.worker));
+    table.count("steps", episodes.iter().map(|(_, part)| part.records.len() as u32));
+    table.number("first_step_s", seconds(|timing| timing.first_step));
+    table.number("wall_s", seconds(|timing| timing.wall));
+    table.number("load_s", seconds(|timing| timing.load));
+    table.number("prepare_s", seconds(|timing| timing.prepare));
+    table.number("brief_s", seconds(|timing| timing.brief));
+    table.number("observe_s", seconds(|timing| timing.observe));
+    table.number("answer_s", seconds(|timing| timing.answer));
+    table.number("advance_s", seconds(|timing| timing.advance));
+    table.number("publish_s", seconds(|timing| timing.publish));
+    table.number("recording_s", seconds(|timing| timing.recording));
+    table.number("answer_p50_s", seconds(|timing| timing.answer_p50));
+    table.number("answer_p99_s", seconds(|timing| timing.answer_p99));
+    table.number("answer_max_s", seconds(|timing| timing.answer_max));
     table.batch()
 }
 
@@ -245,7 +266,7 @@ mod tests {
     use wire::proto::{Control, EpisodeEnd, Metric};
 
     use super::*;
-    use crate::part::{LoggedState, Timing};
+    use crate::part::LoggedState;
 
     const NAN: f64 = f64::NAN;
 
@@ -307,7 +328,8 @@ mod tests {
         let part = part();
         let scene = SceneLine { id: "s".to_owned(), ..SceneLine::default() };
         let common = Common { driver: "d", protocol: "strict", motion: "m", latency: true };
-        let files = [results(common, &scene, &part), steps(common, &part), timing(&scene, &part)];
+        let episodes = [(&scene, &part)];
+        let files = [results(common, &episodes), steps(common, &episodes), timing(&episodes)];
         let mut columns = 0;
         for file in files.map(Result::unwrap) {
             for (field, array) in file.schema().fields().iter().zip(file.columns()) {

@@ -3,10 +3,9 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use sha2::{Digest as _, Sha256};
 use thiserror::Error;
 
-use crate::files::{self, FileError, hexadecimal};
+use crate::files::{self, FileError};
 
 /// The file that holds it; written last: a run with it is complete.
 pub const DIGEST: &str = "digest";
@@ -37,14 +36,11 @@ struct Sums {
 
 impl Sums {
     fn of(folder: &Path) -> Result<Self, FileError> {
-        let mut all = Sha256::new();
-        let mut each = [const { String::new() }; FILES.len()];
-        for (sum, name) in each.iter_mut().zip(FILES) {
-            let mut own = Sha256::new();
-            files::hash(&folder.join(name), &mut [&mut all, &mut own])?;
-            *sum = hexadecimal(&own.finalize());
-        }
-        Ok(Self { all: hexadecimal(&all.finalize()), each })
+        let paths = FILES.map(|name| folder.join(name));
+        let all = || files::sha256(paths.iter().map(PathBuf::as_path));
+        let each = || paths.each_ref().map(|path| files::sha256([path.as_path()]));
+        let (all, [results, steps]) = rayon::join(all, each);
+        Ok(Self { all: all?, each: [results?, steps?] })
     }
 
     /// The digest, and below it what `sha256sum` prints of each file.

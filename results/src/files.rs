@@ -1,11 +1,14 @@
 //! Files, with the path in every error, and whole under their final name or not there at all.
 
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io::{self, BufRead as _, BufReader, Write};
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 use thiserror::Error;
+
+/// Bytes of a file that are read at a time to be summed up.
+const READ_AT_ONCE: usize = 1 << 17;
 
 /// Something could not be done with a file.
 #[derive(Debug, Error)]
@@ -117,35 +120,23 @@ fn partial_name(path: &Path) -> PathBuf {
 pub fn sha256<'p>(paths: impl IntoIterator<Item = &'p Path>) -> Result<String, FileError> {
     let mut hash = Sha256::new();
     for path in paths {
-        self::hash(path, &mut [&mut hash])?;
+        let file = File::open(path).map_err(at("open", path))?;
+        let mut reader = BufReader::with_capacity(READ_AT_ONCE, file);
+        loop {
+            let bytes = reader.fill_buf().map_err(at("read", path))?;
+            let read = bytes.len();
+            if read == 0 {
+                break;
+            }
+            hash.update(bytes);
+            reader.consume(read);
+        }
     }
     Ok(hexadecimal(&hash.finalize()))
-}
-
-/// Adds a file's bytes to each of these sums.
-///
-/// # Errors
-/// [`FileError`] where it cannot be read.
-pub fn hash(path: &Path, sums: &mut [&mut Sha256]) -> Result<(), FileError> {
-    let mut file = File::open(path).map_err(at("open", path))?;
-    io::copy(&mut file, &mut Sums(sums)).map_err(at("read", path)).map(drop)
 }
 
 /// As lower-case digits, two a byte.
 #[must_use]
 pub fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-struct Sums<'a, 'b>(&'a mut [&'b mut Sha256]);
-
-impl Write for Sums<'_, '_> {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.iter_mut().for_each(|sum| sum.update(bytes));
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
 }

@@ -1,33 +1,39 @@
 //! The parts of a run, merged into its files when the last episode is done.
 
+use std::sync::mpsc::sync_channel;
+use std::thread;
+
 use arrow_array::RecordBatch;
-use arrow_schema::ArrowError;
+use rayon::prelude::*;
 
 use crate::columns::{self, Common};
 use crate::digest;
 use crate::earlier::{Earlier, EarlierRows, FILES};
+use crate::files::FileError;
 use crate::folder::Folder;
 use crate::parquet::{ParquetError, Writer};
 use crate::part::Part;
 use crate::settings::{RunFile, SceneLine};
 use crate::trace::TraceWriter;
 
+/// Episodes that are read side by side, while those before them are written.
+const TOGETHER: usize = 8;
+
 /// Merges the parts of a run, in the order of its scenes, into its three files, and its trace if it is under a latency, and then writes its
-/// digest, which says that the run is complete. An episode without a part has the rows that it had in `earlier`. Each part is read once, and shown to `on_part` with
-/// the place of its scene.
+/// digest, which says that the run is complete; before it `run.toml`, with the scenes' SHA-256, where those were not known. An episode without a
+/// part has the rows that it had in `earlier`. Each part is read once, and shown to `takes` with the place of its scene, which says whether it is one.
 ///
 /// # Errors
-/// [`ParquetError`] where the disk fails.
+/// [`ParquetError`] where the disk fails, or there is no part of a scene.
 pub fn merge(
     folder: &Folder,
     file: &RunFile,
     earlier: Option<&Earlier>,
-    mut on_part: impl FnMut(usize, &Part),
+    mut takes: impl FnMut(usize, &Part) -> bool,
 ) -> Result<(), ParquetError> {
     let common = Common::of(&file.settings);
     let mut merged = Vec::new();
-    let nothing = SceneLine::default();
-    for (name, rows) in FILES.into_iter().zip(rows(common, &nothing, &Part::default())?) {
+    for (name, rows) in FILES.into_iter().zip(rows(common, &[])?) {
         let writer = Writer::create(&folder.file(name), rows.schema())?;
         merged.push((writer, earlier.map(|_| EarlierRows::open(folder, name)).transpose()?));
     }
@@ -35,35 +41,91 @@ pub fn merge(
         true => Some(TraceWriter::create(folder, earlier.is_some())?),
         false => None,
     };
-    for (place, scene) in file.scenes.iter().enumerate() {
-        let part = folder.part(&scene.id)?;
-        if part.is_none() && earlier.is_none_or(|earlier| earlier.standing(&scene.id).is_none()) {
-            return Err(ParquetError::Part(scene.id.clone()));
-        }
-        let new = match &part {
-            Some(part) => {
-                on_part(place, part);
-                rows(common, scene, part)?.map(Some)
+    let mut hashes = Vec::with_capacity(file.scenes.len());
+    thread::scope(|scope| {
+        let (read, stretches) = sync_channel(0);
+        scope.spawn(move || {
+            for scenes in file.scenes.chunks(TOGETHER) {
+                if read.send(Stretch::read(folder, common, scenes)).is_err() {
+                    return;
+                }
             }
-            None => Default::default(),
-        };
-        trace.as_mut().map_or(Ok(()), |trace| trace.write(&scene.id, part.as_ref()))?;
-        for ((writer, earlier), new) in merged.iter_mut().zip(new) {
-            let old = earlier.as_mut().map_or(Ok(None), |earlier| earlier.take(&scene.id))?;
-            new.or(old).map_or(Ok(()), |rows| writer.write(&rows))?;
+        });
+        for stretch in stretches {
+            let Stretch { episodes, rows, lengths } = stretch?;
+            for (line, part) in &episodes {
+                let part = part.as_ref().filter(|part| takes(hashes.len(), part));
+                if part.is_none() && earlier.is_none_or(|earlier| earlier.standing(&line.id).is_none()) {
+                    return Err(ParquetError::Part(line.id.clone()));
+                }
+                hashes.push(line.sha256.clone());
+                trace.as_mut().map_or(Ok(()), |trace| trace.write(&line.id, part))?;
+            }
+            for (((writer, earlier), rows), lengths) in merged.iter_mut().zip(rows).zip(lengths) {
+                let Some(earlier) = earlier else {
+                    writer.write_pieces(rows, lengths)?;
+                    continue;
+                };
+                let mut pieces = lengths.into_iter().scan(0, |end, length| {
+                    *end += length;
+                    Some(rows.slice(*end - length, length))
+                });
+                for (line, part) in &episodes {
+                    let old = earlier.take(&line.id)?;
+                    let new = part.as_ref().and_then(|_| pieces.next());
+                    new.or(old).map_or(Ok(()), |rows| writer.write(&rows))?;
+                }
+            }
         }
-    }
+        Ok(())
+    })?;
+    let mut writers = Vec::with_capacity(merged.len());
     for (writer, earlier) in merged {
         earlier.map_or(Ok(()), EarlierRows::end)?;
-        writer.commit()?;
+        writers.push(writer);
     }
+    // The first is as large as it gets, and the disk slow: the others are encoded meanwhile, one after the other, for their memory.
+    let others = writers.split_off(1);
+    let commit = |writers: Vec<Writer>| writers.into_iter().try_for_each(Writer::commit);
+    let (first, others) = rayon::join(|| commit(writers), || commit(others));
+    first.and(others)?;
     trace.map_or(Ok(()), TraceWriter::commit)?;
+    if !file.has_hashes() {
+        folder.write_settings(&file.with_hashes(hashes))?;
+    }
     Ok(digest::write(folder.path())?)
 }
 
-/// An episode's rows in each of [`FILES`].
-fn rows(common: Common<'_>, scene: &SceneLine, part: &Part) -> Result<[RecordBatch; FILES.len()], ArrowError> {
-    Ok([columns::steps(common, part)?, columns::timing(scene, part)?, columns::results(common, scene, part)?])
+/// Scenes that follow each other in a run.
+struct Stretch {
+    /// The scenes, with their SHA-256 as far as it is known, and the parts that there are of them.
+    episodes: Vec<(SceneLine, Option<Part>)>,
+    /// The rows of those in each of [`FILES`].
+    rows: [RecordBatch; FILES.len()],
+    /// How many are of each.
+    lengths: [Vec<usize>; FILES.len()],
+}
+
+impl Stretch {
+    fn read(folder: &Folder, common: Common<'_>, scenes: &[SceneLine]) -> Result<Self, ParquetError> {
+        let read = |scene: &SceneLine| {
+            let (part, mut line) = (folder.part(&scene.id)?, scene.clone());
+            if let (Some(part), Some(_)) = (&part, line.fingerprint.take()) {
+                line.sha256.clone_from(&part.scene_sha256);
+            }
+            Ok((line, part))
+        };
+        let episodes: Result<Vec<_>, FileError> = scenes.par_iter().map(read).collect();
+        let episodes = episodes?;
+        let driven: Vec<_> = episodes.iter().filter_map(|(line, part)| Some((line, part.as_ref()?))).collect();
+        let (rows, ones) = (rows(common, &driven)?, vec![1; driven.len()]);
+        let steps = driven.iter().map(|(_, part)| part.records.len()).collect();
+        Ok(Self { rows, lengths: [steps, ones.clone(), ones], episodes })
+    }
+}
+
+fn rows(common: Common<'_>, driven: &[columns::Episode<'_>]) -> Result<[RecordBatch; FILES.len()], ParquetError> {
+    Ok([columns::steps(common, driven)?, columns::timing(driven)?, columns::results(common, driven)?])
 }
 
 #[cfg(test)]
@@ -101,7 +163,7 @@ mod tests {
         // Stored in another order than the scenes have.
         folder.store("a", &part("a", 0)).unwrap();
         folder.store("b", &part("b", 3)).unwrap();
-        merge(&folder, &file, None, |_, _| {}).unwrap();
+        merge(&folder, &file, None, |_, _| true).unwrap();
         folder
     }
 
@@ -141,7 +203,7 @@ mod tests {
         let roots = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
         let undisturbed = finished(roots[0].path());
         undisturbed.store("a", &part("a", 4)).unwrap();
-        merge(&undisturbed, &file(), None, |_, _| {}).unwrap();
+        merge(&undisturbed, &file(), None, |_, _| true).unwrap();
 
         let healed = finished(roots[1].path());
         healed.remove_parts().unwrap();
@@ -150,7 +212,7 @@ mod tests {
         healed.reopen().unwrap();
         assert!(!healed.is_finished());
         healed.store("a", &part("a", 4)).unwrap();
-        merge(&healed, &file(), Some(&earlier), |_, _| {}).unwrap();
+        merge(&healed, &file(), Some(&earlier), |_, _| true).unwrap();
         for name in ["results.parquet", "steps.parquet", "timing.parquet", "digest"] {
             assert!(
                 fs::read(healed.file(name)).unwrap() == fs::read(undisturbed.file(name)).unwrap(),
@@ -165,7 +227,7 @@ mod tests {
         let scenes = vec![SceneLine { id: "a".to_owned(), ..SceneLine::default() }];
         let file = RunFile { scenes, ..run_file() };
         let Ok(Opened::New(folder)) = Folder::open(root.path(), &file) else { panic!("it is new") };
-        assert_eq!(merge(&folder, &file, None, |_, _| {}).unwrap_err().to_string(), "the part of a is missing");
+        assert_eq!(merge(&folder, &file, None, |_, _| true).unwrap_err().to_string(), "the part of a is missing");
         assert!(!folder.is_finished());
     }
 }

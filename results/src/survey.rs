@@ -3,12 +3,13 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use rayon::prelude::*;
 use shard::Shard;
 
 use crate::files::FileError;
 use crate::folder::{self, recording_of, scenes_of_parts};
 use crate::part::Part;
-use crate::settings::RunFile;
+use crate::settings::{RunFile, SceneLine};
 
 /// What is known of the episode of a scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -29,6 +30,22 @@ pub enum State {
 }
 
 impl State {
+    /// Of an episode that is stored in `folder`, in a run of this identity.
+    #[must_use]
+    pub fn of(folder: &Path, part: &Part, identity: &str) -> Self {
+        let scene = part.end.as_ref().map_or("", |end| &end.scene);
+        if part.run_sha256 != identity {
+            Self::Foreign
+        } else if !part.recording_error.is_empty() || part.recorded && !recording_of(folder, scene).is_file() {
+            Self::Unrecorded
+        } else if part.failed() {
+            let detail = part.end.as_ref().map_or("", |end| &end.detail);
+            Self::Done { failure: format!("{}: {detail}", crate::part::reason_name(part.reason())) }
+        } else {
+            Self::Done { failure: String::new() }
+        }
+    }
+
     /// Whether it can be merged.
     #[must_use]
     pub fn is_done(&self) -> bool {
@@ -41,8 +58,6 @@ impl State {
 pub struct Survey {
     /// Of each scene, in the order of the run.
     pub scenes: Vec<State>,
-    /// SHA-256 of each scene as it was driven, in hexadecimal digits; empty where it was not.
-    pub hashes: Vec<String>,
     /// Episodes that are stored of scenes which the run has not.
     pub strangers: Vec<String>,
 }
@@ -55,18 +70,17 @@ impl Survey {
     pub fn of(folder: &Path, file: &RunFile) -> Result<Self, FileError> {
         let identity = file.identity();
         let mut strangers: BTreeSet<String> = scenes_of_parts(folder).into_iter().collect();
-        let (mut scenes, mut hashes) = (Vec::new(), Vec::new());
-        for line in &file.scenes {
-            let is_stored = strangers.remove(&line.id);
+        let stored: Vec<bool> = file.scenes.iter().map(|line| strangers.remove(&line.id)).collect();
+        let look = |(line, is_stored): (&SceneLine, bool)| {
             let part = if is_stored { folder::part_of(folder, &line.id)? } else { None };
-            scenes.push(match &part {
+            Ok(match part {
                 None if is_stored => State::Damaged,
                 None => State::Missing,
-                Some(part) => state(folder, part, &identity),
-            });
-            hashes.push(part.map(|part| part.scene_sha256).unwrap_or_default());
-        }
-        Ok(Self { scenes, hashes, strangers: strangers.into_iter().collect() })
+                Some(part) => State::of(folder, &part, &identity),
+            })
+        };
+        let scenes: Result<_, FileError> = file.scenes.par_iter().zip(stored).map(look).collect();
+        Ok(Self { scenes: scenes?, strangers: strangers.into_iter().collect() })
     }
 
     /// Whether all can be merged.
@@ -78,19 +92,5 @@ impl Survey {
     /// The places of the scenes of a shard, with what is known of each.
     pub fn of_shard(&self, shard: Shard) -> impl Iterator<Item = (usize, &State)> {
         self.scenes.iter().enumerate().filter(move |(place, _)| shard.holds(*place))
-    }
-}
-
-fn state(folder: &Path, part: &Part, identity: &str) -> State {
-    let scene = part.end.as_ref().map_or("", |end| &end.scene);
-    if part.run_sha256 != identity {
-        State::Foreign
-    } else if !part.recording_error.is_empty() || part.recorded && !recording_of(folder, scene).is_file() {
-        State::Unrecorded
-    } else if part.failed() {
-        let detail = part.end.as_ref().map_or("", |end| &end.detail);
-        State::Done { failure: format!("{}: {detail}", crate::part::reason_name(part.reason())) }
-    } else {
-        State::Done { failure: String::new() }
     }
 }

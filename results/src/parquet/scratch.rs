@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::path::Path;
+use std::sync::Arc;
 
 use arrow_array::{ArrayRef, RecordBatch};
 use arrow_schema::{ArrowError, SchemaRef};
@@ -22,13 +23,30 @@ pub struct Pile {
 }
 
 impl Pile {
-    /// Of these batches, which are taken.
-    pub fn of(schema: &SchemaRef, batches: &mut Vec<RecordBatch>) -> Result<Self, ArrowError> {
-        let batches = std::mem::take(batches);
+    /// Of these piles, which are taken.
+    pub fn of(schema: &SchemaRef, piles: &mut Vec<Self>) -> Result<Self, ArrowError> {
+        let piles = std::mem::take(piles);
         Ok(Self {
-            rows: concat_batches(schema, &batches)?,
-            lengths: batches.iter().map(RecordBatch::num_rows).collect(),
+            rows: concat_batches(schema, piles.iter().map(|pile| &pile.rows))?,
+            lengths: piles.into_iter().flat_map(|pile| pile.lengths).collect(),
         })
+    }
+
+    /// Takes the first rows, at most so many.
+    pub fn split_off(&mut self, most: usize) -> Self {
+        let fit = self.rows.num_rows().min(most);
+        let (mut lengths, mut left) = (Vec::new(), fit);
+        let mut rest = Vec::new();
+        for length in self.lengths.drain(..) {
+            let now = length.min(left);
+            left -= now;
+            lengths.extend((now > 0).then_some(now));
+            rest.extend((length > now).then_some(length - now));
+        }
+        let rows = self.rows.slice(0, fit);
+        self.rows = self.rows.slice(fit, self.rows.num_rows() - fit);
+        self.lengths = rest;
+        Self { rows, lengths }
     }
 }
 
@@ -77,21 +95,18 @@ pub struct Kept {
 }
 
 impl Kept {
-    /// Gives this column of each pile, and how long the pile's batches are.
-    pub fn for_each(
-        &self,
-        column: usize,
-        told: &mut impl FnMut(&ArrayRef, &[usize]) -> Result<(), Encoding>,
-    ) -> Result<(), Encoding> {
+    /// This column of each pile, and how long the pile's batches are.
+    pub fn column(&self, column: usize) -> Result<Vec<(ArrayRef, &Vec<usize>)>, Encoding> {
+        let mut pieces = Vec::with_capacity(self.lengths.len() + 1);
         for (pile, lengths) in self.lengths.iter().enumerate() {
             let reader =
                 ParquetRecordBatchReaderBuilder::new_with_metadata(self.file.try_clone()?, self.metadata.clone());
             let mask = ProjectionMask::roots(reader.parquet_schema(), [column]);
             let rows = lengths.iter().sum();
             for read in reader.with_row_groups(vec![pile]).with_projection(mask).with_batch_size(rows).build()? {
-                told(read?.column(0), lengths)?;
+                pieces.push((Arc::clone(read?.column(0)), lengths));
             }
         }
-        Ok(())
+        Ok(pieces)
     }
 }

@@ -2,8 +2,9 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use arrow_array::{ArrayRef, RecordBatch};
+use arrow_array::RecordBatch;
 use arrow_schema::{ArrowError, SchemaRef};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_writer::{ArrowRowGroupWriterFactory, compute_leaves};
@@ -11,6 +12,7 @@ use parquet::basic::{Compression, ZstdLevel};
 use parquet::errors::ParquetError as Encoding;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
+use rayon::prelude::*;
 
 use super::ParquetError;
 use super::scratch::{Pile, Scratch};
@@ -25,8 +27,11 @@ const PILE: usize = 64;
 /// Rows that are enough for a pile, of however few batches.
 const PILE_ROWS: usize = 1 << 11;
 
-/// A file on its way, the same bytes for the same batches. The rows of the open row group wait in a scratch file, to be encoded column by
-/// column when it is full: rows in memory need 40 MB, and encoders of all columns at once thrice that, each with a dictionary of its own.
+/// Columns that are encoded side by side: with each there are its values, and a dictionary.
+const SIDE_BY_SIDE: usize = 2;
+
+/// A file on its way, the same bytes for the same batches. The rows of the open row group wait in a scratch file, to be encoded a few columns
+/// at a time when it is full: rows in memory need 40 MB, and encoders of all columns at once thrice that, each with a dictionary of its own.
 pub struct Writer {
     path: PathBuf,
     file: SerializedFileWriter<WholeFile>,
@@ -35,7 +40,7 @@ pub struct Writer {
     /// Rows in the open row group.
     rows: usize,
     /// The last of them.
-    fresh: Vec<RecordBatch>,
+    fresh: Vec<Pile>,
     /// Those before.
     scratch: Option<Scratch>,
 }
@@ -62,22 +67,32 @@ impl Writer {
     /// # Errors
     /// [`ParquetError`].
     pub fn write(&mut self, batch: &RecordBatch) -> Result<(), ParquetError> {
-        if batch.schema_ref().fields() != self.schema.fields() {
+        self.write_pieces(batch.clone(), vec![batch.num_rows()])
+    }
+
+    /// Appends batches of these lengths, which are one.
+    ///
+    /// # Errors
+    /// [`ParquetError`].
+    pub fn write_pieces(&mut self, batches: RecordBatch, lengths: Vec<usize>) -> Result<(), ParquetError> {
+        if batches.schema_ref().fields() != self.schema.fields() {
             return Err(ArrowError::SchemaError("they have other columns".to_owned()).into());
         }
-        let mut rest = batch.clone();
-        while rest.num_rows() > 0 {
-            let fit = rest.num_rows().min(ROW_GROUP - self.rows);
-            self.fresh.push(rest.slice(0, fit));
-            self.rows += fit;
-            rest = rest.slice(fit, rest.num_rows() - fit);
-            if self.rows == ROW_GROUP {
-                self.close_row_group()?;
-            } else if self.fresh.len() == PILE || self.fresh_rows() >= PILE_ROWS {
-                let pile = Pile::of(&self.schema, &mut self.fresh)?;
-                let kept = Scratch::keep(&mut self.scratch, &self.path, &self.schema, pile);
-                kept.map_err(|error| cannot_write(&self.path, error))?;
+        let mut rest = Pile { rows: batches, lengths };
+        loop {
+            let full = rest.rows.num_rows() >= ROW_GROUP - self.rows;
+            let fit = rest.split_off(ROW_GROUP - self.rows);
+            self.rows += fit.rows.num_rows();
+            self.fresh.push(fit);
+            if !full {
+                break;
             }
+            self.close_row_group()?;
+        }
+        if self.fresh.iter().map(|pile| pile.lengths.len()).sum::<usize>() >= PILE || self.fresh_rows() >= PILE_ROWS {
+            let pile = Pile::of(&self.schema, &mut self.fresh)?;
+            let kept = Scratch::keep(&mut self.scratch, &self.path, &self.schema, pile);
+            kept.map_err(|error| cannot_write(&self.path, error))?;
         }
         Ok(())
     }
@@ -95,7 +110,7 @@ impl Writer {
     }
 
     fn fresh_rows(&self) -> usize {
-        self.fresh.iter().map(RecordBatch::num_rows).sum()
+        self.fresh.iter().map(|pile| pile.rows.num_rows()).sum()
     }
 
     fn close_row_group(&mut self) -> Result<(), ParquetError> {
@@ -109,20 +124,29 @@ impl Writer {
         let kept = self.scratch.take().map(Scratch::read).transpose()?;
         let encoders = self.columns.create_column_writers(self.file.flushed_row_groups().len())?;
         let mut group = self.file.next_row_group()?;
-        for (column, (field, mut encoder)) in self.schema.fields().iter().zip(encoders).enumerate() {
-            let mut encode = |values: &ArrayRef, lengths: &[usize]| {
-                let mut from = 0;
-                for length in lengths {
-                    for leaf in compute_leaves(field, &values.slice(from, *length))? {
-                        encoder.write(&leaf)?;
+        let mut columns = self.schema.fields().iter().zip(encoders).enumerate().peekable();
+        while columns.peek().is_some() {
+            let some = columns.by_ref().take(SIDE_BY_SIDE).map(|(column, (field, encoder))| {
+                let mut pieces = kept.as_ref().map_or(Ok(Vec::new()), |kept| kept.column(column))?;
+                pieces.push((Arc::clone(last.rows.column(column)), &last.lengths));
+                Ok((field, encoder, pieces))
+            });
+            let some: Vec<_> = some.collect::<Result<_, Encoding>>()?;
+            let encoded = some.into_par_iter().map(|(field, mut encoder, pieces)| {
+                for (values, lengths) in pieces {
+                    let mut from = 0;
+                    for length in lengths {
+                        for leaf in compute_leaves(field, &values.slice(from, *length))? {
+                            encoder.write(&leaf)?;
+                        }
+                        from += length;
                     }
-                    from += length;
                 }
-                Ok(())
-            };
-            kept.as_ref().map_or(Ok(()), |kept| kept.for_each(column, &mut encode))?;
-            encode(last.rows.column(column), &last.lengths)?;
-            encoder.close()?.append_to_row_group(&mut group)?;
+                encoder.close()
+            });
+            for chunk in encoded.collect::<Result<Vec<_>, Encoding>>()? {
+                chunk.append_to_row_group(&mut group)?;
+            }
         }
         group.close()?;
         Ok(())
@@ -150,9 +174,8 @@ pub fn write(
 #[cfg(test)]
 mod tests {
     use std::fs;
-    use std::sync::Arc;
 
-    use arrow_array::{BooleanArray, Float64Array, StringArray};
+    use arrow_array::{ArrayRef, BooleanArray, Float64Array, StringArray};
 
     use super::*;
 
@@ -205,7 +228,16 @@ mod tests {
             let mut writer = ArrowWriter::try_new(file, schema, Some(properties.build())).unwrap();
             batches.iter().for_each(|batch| writer.write(batch).unwrap());
             writer.close().unwrap();
-            assert!(fs::read(ours).unwrap() == fs::read(theirs).unwrap(), "batches of {lengths:?}");
+            assert!(fs::read(&ours).unwrap() == fs::read(&theirs).unwrap(), "batches of {lengths:?}");
+            // And so are they where several come as one.
+            let mut writer = Writer::create(&ours, batches[0].schema()).unwrap();
+            for some in batches.chunks(7) {
+                let lengths = some.iter().map(RecordBatch::num_rows).collect();
+                let one = arrow_select::concat::concat_batches(&batches[0].schema(), some).unwrap();
+                writer.write_pieces(one, lengths).unwrap();
+            }
+            writer.commit().unwrap();
+            assert!(fs::read(ours).unwrap() == fs::read(theirs).unwrap(), "batches of {lengths:?} as one");
         }
     }
 

@@ -398,12 +398,13 @@ fn drive_pending(
     let hash = |(at, before)| shared.scenes.known_sha256(at).unwrap_or(before);
     let file = shared.file.with_hashes(hashes.into_iter().enumerate().map(hash));
     shared.folder.write_settings(&file)?;
-    let on_part = |place: usize, part: &Part| {
+    let add = |place: usize, part: &Part| {
         if pending.binary_search(&place).is_ok() {
             breakdown.add(part);
         }
+        true
     };
-    results::merge(&shared.folder, &file, earlier.as_ref(), on_part)
+    results::merge(&shared.folder, &file, earlier.as_ref(), add)
         .map_err(|error| RunError::Broken { reason: error.to_string(), state: state() })?;
     shared.folder.remove_parts()?;
     Ok(Done { folder: path, breakdown, shard: None })

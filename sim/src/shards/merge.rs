@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use results::files::FileError;
-use results::folder::{Folder, FolderError};
+use results::folder::{Folder, FolderError, scenes_of_parts};
 use results::gather::{GatherError, gather};
 use results::parquet::ParquetError;
+use results::part::Part;
 use results::settings::{Build, RunFile};
 use results::survey::{State, Survey};
 use thiserror::Error;
@@ -57,11 +58,13 @@ pub fn merge(path: &Path, others: &[PathBuf], console: &Console) -> Result<(), M
     if copied > 0 {
         console.line(&format!("{copied} episodes were copied into {}", path.display()));
     }
-    let survey = Survey::of(path, &file)?;
-    check(path, &file, &survey)?;
-    let file = file.with_hashes(survey.hashes);
-    folder.write_settings(&file)?;
-    results::merge(&folder, &file, None, |_, _| {})?;
+    let complain = || check(path, &file, &Survey::of(path, &file)?);
+    if scenes_of_parts(path).len() != file.scenes.len() {
+        complain()?;
+    }
+    let identity = file.identity();
+    let is_done = |_: usize, part: &Part| State::of(path, part, &identity).is_done();
+    results::merge(&folder, &file, None, is_done).map_err(|error| complain().err().unwrap_or(error.into()))?;
     Ok(folder.remove_parts()?)
 }
 
