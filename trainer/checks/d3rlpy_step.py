@@ -48,8 +48,8 @@ def to_torch(prefix, heads):
     for layer, ((number, kernel, _), (_, inputs)) in enumerate(zip(filters, grids())):
         weight = before[f"{prefix}convolution.{layer}.weight"].reshape(number, kernel, kernel, inputs)
         # Convolution, activation, dropout.
-        state[f"_encoder._cnn_layers.{3 * layer}.weight"] = weight.transpose(0, 3, 1, 2)
-        state[f"_encoder._cnn_layers.{3 * layer}.bias"] = before[f"{prefix}convolution.{layer}.bias"]
+        state[f"_encoder._cnn_layers.{2 * layer}.weight"] = weight.transpose(0, 3, 1, 2)
+        state[f"_encoder._cnn_layers.{2 * layer}.bias"] = before[f"{prefix}convolution.{layer}.bias"]
     last, last_channels = grids()[-1]
     weight = before[f"{prefix}dense.weight"].reshape(dense, last, last, last_channels).transpose(0, 3, 1, 2).reshape(dense, -1)
     if f"{prefix}dense.action" in before:
@@ -65,9 +65,9 @@ def to_ours(prefix, heads, state):
     """And back."""
     ours = {}
     for layer, (number, _, _) in enumerate(filters):
-        weight = state[f"_encoder._cnn_layers.{3 * layer}.weight"]
+        weight = state[f"_encoder._cnn_layers.{2 * layer}.weight"]
         ours[f"{prefix}convolution.{layer}.weight"] = weight.transpose(0, 2, 3, 1).reshape(number, -1)
-        ours[f"{prefix}convolution.{layer}.bias"] = state[f"_encoder._cnn_layers.{3 * layer}.bias"]
+        ours[f"{prefix}convolution.{layer}.bias"] = state[f"_encoder._cnn_layers.{2 * layer}.bias"]
     last, last_channels = grids()[-1]
     weight, flat = state["_encoder._last_layers.0.weight"], last * last * last_channels
     ours[f"{prefix}dense.weight"] = weight[:, :flat].reshape(dense, last_channels, last, last).transpose(0, 2, 3, 1).reshape(dense, -1)
