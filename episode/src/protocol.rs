@@ -1,6 +1,7 @@
 //! The rules of an episode, as settings. They are written to `run.toml` with every default filled in, so that a run can be
 //! repeated from its folder alone.
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use world::vehicle::{BicycleModel, Limits, WHEELBASE};
@@ -161,19 +162,9 @@ impl StrictSettings {
     /// [`SettingError::Change`].
     pub fn with_changes(mut self, changes: &[String]) -> Result<Self, SettingError> {
         for change in changes {
-            let wrong =
-                |reason: &str| SettingError::Change { change: change.clone(), reason: reason.trim().to_owned() };
-            let (key, value) = change.split_once('=').ok_or_else(|| wrong("it is not KEY=VALUE"))?;
-            let value = value.trim();
-            let parsed: Result<toml::Table, _> = toml::from_str(&format!("{key} = {value}"));
-            let parsed = parsed.or_else(|_| toml::from_str(&format!("{key} = {value:?}")));
-            let parsed = parsed.map_err(|error| wrong(error.message()))?;
-            if parsed.contains_key("motion") {
-                return Err(wrong("the motion has an option of its own: --motion"));
-            }
-            let mut table = toml::Table::try_from(&self).map_err(|error| wrong(&error.to_string()))?;
-            table.extend(parsed);
-            self = table.try_into().map_err(|error: toml::de::Error| wrong(error.message()))?;
+            self = changed(self, change, |key| {
+                (key == "motion").then_some("the motion has an option of its own: --motion")
+            })?;
         }
         Ok(self)
     }
@@ -181,11 +172,7 @@ impl StrictSettings {
     /// What is not as usual, as `key = value`, but for the motion, which tables name themselves.
     #[must_use]
     pub fn changes(&self) -> Vec<String> {
-        let usual = Self { motion: self.motion, ..Self::default() };
-        let table = |settings: &Self| toml::Table::try_from(settings).unwrap_or_default();
-        let usual = table(&usual);
-        let changed = table(self).into_iter().filter(|(key, value)| usual.get(key) != Some(value));
-        changed.map(|(key, value)| format!("{key} = {value}")).collect()
+        changes(self, &Self { motion: self.motion, ..Self::default() })
     }
 
     /// What the AV can do.
@@ -217,6 +204,8 @@ pub enum SettingError {
     Value { setting: &'static str, value: f64, needed: &'static str },
     #[error("--set {change}: {reason}\nhint: docs/running.md lists what can be set")]
     Change { change: String, reason: String },
+    #[error("agents that react need the protocol strict: paper is the authors' simulator, which replays the log")]
+    ReactivePaper,
 }
 
 fn positive(setting: &'static str, value: f64) -> Result<f64, SettingError> {
@@ -238,6 +227,34 @@ impl StrictSettings {
         }
         Ok(())
     }
+}
+
+/// The settings with one of them changed, as `key=value`; `refused` says of a key why it is none to be changed.
+pub(crate) fn changed<S: Serialize + DeserializeOwned>(
+    settings: S,
+    change: &str,
+    refused: impl Fn(&str) -> Option<&'static str>,
+) -> Result<S, SettingError> {
+    let wrong = |reason: &str| SettingError::Change { change: change.to_owned(), reason: reason.trim().to_owned() };
+    let (key, value) = change.split_once('=').ok_or_else(|| wrong("it is not KEY=VALUE"))?;
+    let value = value.trim();
+    let parsed: Result<toml::Table, _> = toml::from_str(&format!("{key} = {value}"));
+    let parsed = parsed.or_else(|_| toml::from_str(&format!("{key} = {value:?}")));
+    let parsed = parsed.map_err(|error| wrong(error.message()))?;
+    if let Some(reason) = parsed.keys().find_map(|key| refused(key)) {
+        return Err(wrong(reason));
+    }
+    let mut table = toml::Table::try_from(&settings).map_err(|error| wrong(&error.to_string()))?;
+    table.extend(parsed);
+    table.try_into().map_err(|error: toml::de::Error| wrong(error.message()))
+}
+
+/// What differs from the `usual`, as `key = value`.
+pub(crate) fn changes<S: Serialize>(settings: &S, usual: &S) -> Vec<String> {
+    let table = |settings: &S| toml::Table::try_from(settings).unwrap_or_default();
+    let usual = table(usual);
+    let changed = table(settings).into_iter().filter(|(key, value)| usual.get(key) != Some(value));
+    changed.map(|(key, value)| format!("{key} = {value}")).collect()
 }
 
 #[cfg(test)]

@@ -111,6 +111,9 @@ pub(crate) fn title(runs: &[&Summary]) -> String {
     if let Some(latency) = first.latency.as_ref().filter(|_| all(|a, b| a.latency == b.latency)) {
         parts.push(format!("latency {latency}"));
     }
+    if let Some(traffic) = first.traffic.as_ref().filter(|_| all(|a, b| a.traffic == b.traffic)) {
+        parts.push(format!("traffic {traffic}"));
+    }
     if !all(|a, b| a.changes == b.changes) {
         parts.push("different settings: not to be compared".to_owned());
     }
@@ -135,6 +138,9 @@ pub(crate) fn label(run: &Summary, runs: &[&Summary]) -> String {
     if namesakes.iter().filter(|other| other.latency == run.latency).count() == 1 {
         let latency = run.latency.as_ref().map_or_else(|| "no latency".to_owned(), ToString::to_string);
         return format!("{} ({latency})", run.driver);
+    }
+    if namesakes.iter().filter(|other| other.traffic == run.traffic).count() == 1 {
+        return format!("{} (traffic {})", run.driver, run.traffic.as_deref().unwrap_or("replayed"));
     }
     run.folder.file_name().map_or_else(|| run.driver.clone(), |name| name.to_string_lossy().into_owned())
 }
@@ -333,6 +339,7 @@ pub(crate) mod tests {
             protocol: "strict".to_owned(),
             changes: Vec::new(),
             latency: None,
+            traffic: None,
             motion: motion.to_owned(),
             scenes: (0..8).map(|scene| (format!("s{scene}"), String::new())).collect(),
             failures: Vec::new(),

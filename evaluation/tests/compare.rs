@@ -37,6 +37,7 @@ fn run(name: &str, episodes: Vec<Episode>) -> Run {
         folder: PathBuf::from(format!("runs/{name}")),
         driver: name.to_owned(),
         latency: None,
+        traffic: None,
         protocol: Protocol::default(),
         build: Build { version: "0.1.0".to_owned(), git_revision: "abc".to_owned(), wire_version: 2 },
         deadline_s: 5.0,

@@ -3,6 +3,7 @@
 use std::sync::{Arc, LazyLock};
 
 use episode::protocol::{Protocol, StrictSettings};
+use episode::traffic::TrafficSettings;
 use evaluation::replay::{Recorded, replay};
 use world::scene::Scene;
 
@@ -15,5 +16,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let _ = evaluation::predictions::Figures::of_recording(bytes);
     let _ = evaluation::footage::answers(bytes);
     let (Ok(recorded), Some(scene)) = (Recorded::read(bytes), &*SCENE) else { return };
-    let _ = replay(Arc::clone(scene), &Protocol::Strict(StrictSettings::default()), &recorded);
+    for traffic in [None, Some(TrafficSettings::default())] {
+        let _ = replay(Arc::clone(scene), &Protocol::Strict(StrictSettings::default()), traffic.as_ref(), &recorded);
+    }
 });

@@ -13,7 +13,7 @@ use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use recorder::mcap::EpisodeWriter;
 use recorder::message::Message;
 use recorder::rrd::Drawing;
-use recorder::sequence::Sequence;
+use recorder::sequence::{Answers, Sequence};
 
 const SIZES: [(&str, synthetic::Size); 2] = [
     ("128 agents, predicted", synthetic::Size { agents: 128, steps: 150, futures: 1 }),
@@ -37,7 +37,7 @@ fn draw(messages: &[Message]) -> usize {
 }
 
 fn order(messages: Vec<Message>, predictor: bool) -> usize {
-    let mut sequence = Sequence::new(predictor);
+    let mut sequence = Sequence::new(Answers { predictor, traffic: false });
     let mut given = 0;
     for message in messages {
         let message = Message::decode(message.channel(), message.payload).unwrap();

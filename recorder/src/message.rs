@@ -10,7 +10,7 @@ use wire::proto;
 pub const STEP_NANOSECONDS: u64 = 100_000_000;
 
 /// The channels that are recorded, in the order of an episode and, within it, of a step.
-pub const CHANNELS: [Channel; 7] = [
+pub const CHANNELS: [Channel; 8] = [
     Channel::Scene,
     Channel::Observation,
     Channel::Prediction,
@@ -18,6 +18,8 @@ pub const CHANNELS: [Channel; 7] = [
     Channel::Record,
     Channel::Event,
     Channel::End,
+    // Last, for the numbers of the others stay: within a step it comes before the observation's answers.
+    Channel::Moves,
 ];
 
 /// The full name of the protobuf message that travels on `channel`.
@@ -28,6 +30,7 @@ pub fn schema(channel: Channel) -> &'static str {
         Channel::Observation => "reloop.v1.Observation",
         Channel::Prediction => "reloop.v1.Prediction",
         Channel::Plan => "reloop.v1.Plan",
+        Channel::Moves => "reloop.v1.TrafficMoves",
         Channel::Record => "reloop.v1.StepRecord",
         Channel::Event => "reloop.v1.Event",
         Channel::End => "reloop.v1.EpisodeEnd",
@@ -54,6 +57,7 @@ pub enum Body {
     Observation(Box<proto::Observation>),
     Prediction(proto::Prediction),
     Plan(proto::Plan),
+    Moves(proto::TrafficMoves),
     Record(Box<proto::StepRecord>),
     Event(proto::Event),
     End(proto::EpisodeEnd),
@@ -80,6 +84,7 @@ impl Message {
             Channel::Observation => Body::Observation(Box::new(decode(bytes)?)),
             Channel::Prediction => Body::Prediction(decode(bytes)?),
             Channel::Plan => Body::Plan(decode(bytes)?),
+            Channel::Moves => Body::Moves(decode(bytes)?),
             Channel::Record => Body::Record(Box::new(decode(bytes)?)),
             Channel::Event => Body::Event(decode(bytes)?),
             Channel::End => Body::End(decode(bytes)?),
@@ -96,6 +101,7 @@ impl Message {
             Body::Observation(message) => message.encode_to_vec(),
             Body::Prediction(message) => message.encode_to_vec(),
             Body::Plan(message) => message.encode_to_vec(),
+            Body::Moves(message) => message.encode_to_vec(),
             Body::Record(message) => message.encode_to_vec(),
             Body::Event(message) => message.encode_to_vec(),
             Body::End(message) => message.encode_to_vec(),
@@ -111,6 +117,7 @@ impl Message {
             Body::Observation(_) => Channel::Observation,
             Body::Prediction(_) => Channel::Prediction,
             Body::Plan(_) => Channel::Plan,
+            Body::Moves(_) => Channel::Moves,
             Body::Record(_) => Channel::Record,
             Body::Event(_) => Channel::Event,
             Body::End(_) => Channel::End,
@@ -125,6 +132,7 @@ impl Message {
             Body::Observation(message) => message.step,
             Body::Prediction(message) => message.step,
             Body::Plan(message) => message.step,
+            Body::Moves(message) => message.step,
             Body::Record(message) => message.step,
             Body::Event(message) => message.step,
             Body::End(message) => message.steps,

@@ -21,6 +21,7 @@ use crate::desk::Desk;
 use crate::message::CHANNELS;
 use crate::partial_file::FileError;
 use crate::recording::{Format, RunSettings};
+use crate::sequence::Answers;
 
 /// Writer threads: one compresses while the other does.
 const WRITERS: usize = 2;
@@ -41,7 +42,7 @@ pub fn record(options: &Options, folder: PathBuf, formats: Vec<Format>) -> anyho
         formats,
         run: options.run.to_string(),
         settings: info.settings,
-        predictor: info.predictor,
+        answers: Answers { predictor: info.predictor, traffic: info.traffic },
     });
     let mut queues = Vec::new();
     let mut threads: Vec<JoinHandle<()>> = Vec::new();

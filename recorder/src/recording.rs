@@ -13,7 +13,7 @@ use crate::mcap::EpisodeWriter;
 use crate::message::{Body, Message};
 use crate::partial_file::{FileError, PartialFile};
 use crate::rrd::{Drawing, RrdError};
-use crate::sequence::{Counts, Sequence, SequenceError};
+use crate::sequence::{Answers, Counts, Sequence, SequenceError};
 
 /// A kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, clap::ValueEnum)]
@@ -35,8 +35,8 @@ pub struct RunSettings {
     pub run: String,
     /// The run's settings (TOML).
     pub settings: String,
-    /// Whether each step has a prediction.
-    pub predictor: bool,
+    /// What there is of each step beside a plan.
+    pub answers: Answers,
 }
 
 /// Why an episode has no recording.
@@ -147,7 +147,7 @@ impl Recording {
     /// The recording of `scene`; no file yet.
     #[must_use]
     pub fn new(scene: SceneId, run: Arc<RunSettings>) -> Self {
-        let sequence = Sequence::new(run.predictor);
+        let sequence = Sequence::new(run.answers);
         Self {
             scene,
             run,
@@ -218,6 +218,7 @@ impl Recording {
             predictions: counts.predictions,
             records: counts.records,
             events: counts.events,
+            moves: counts.moves,
             digest: self.digest.to_bytes(),
             error: result.err().map_or_else(String::new, |error| error.to_string()),
         }

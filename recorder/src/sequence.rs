@@ -1,7 +1,7 @@
 //! An episode's messages in canonical order, whatever the order in which they arrive.
 //!
 //! Planner and predictor answer at the same time, so no two drives are told alike; recordings are to be byte-identical all
-//! the same. The order is: scene; for each step its observation, prediction (if the run has a predictor), plan, record and
+//! the same. The order is: scene; for each step its observation, prediction (if the run has a predictor), plan, moves (if its agents react), record and
 //! events; end. A step is given out as soon as it is complete, so that a recorder that is killed leaves all steps before.
 //!
 //! All that the simulator tells is recorded, also the answer that it refused. What a lying node answers beyond one plan and
@@ -37,6 +37,7 @@ pub struct Counts {
     pub observations: u32,
     pub predictions: u32,
     pub plans: u32,
+    pub moves: u32,
     pub records: u32,
     pub events: u32,
 }
@@ -49,6 +50,7 @@ impl Counts {
             observations: end.observations,
             predictions: end.predictions,
             plans: end.plans,
+            moves: end.moves,
             records: end.records,
             events: end.events,
         }
@@ -60,6 +62,7 @@ impl Counts {
             Channel::Observation => self.observations += 1,
             Channel::Prediction => self.predictions += 1,
             Channel::Plan => self.plans += 1,
+            Channel::Moves => self.moves += 1,
             Channel::Record => self.records += 1,
             Channel::Event => self.events += 1,
             Channel::Scene | Channel::End | Channel::Recorded => {}
@@ -73,6 +76,7 @@ impl Counts {
             ("observations", self.observations, expected.observations),
             ("predictions", self.predictions, expected.predictions),
             ("plans", self.plans, expected.plans),
+            ("moves", self.moves, expected.moves),
             ("records", self.records, expected.records),
             ("events", self.events, expected.events),
         ]
@@ -81,12 +85,22 @@ impl Counts {
     }
 }
 
+/// What there is of each step beside a plan.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Answers {
+    /// A prediction.
+    pub predictor: bool,
+    /// Moves of agents that react.
+    pub traffic: bool,
+}
+
 /// The messages of one step, so far.
 #[derive(Default)]
 struct Slot {
     observation: Option<Message>,
     prediction: Option<Message>,
     plan: Option<Message>,
+    moves: Option<Message>,
     record: Option<Message>,
     events: Vec<Message>,
     /// Events that the record announces; unknown until it is here.
@@ -94,11 +108,12 @@ struct Slot {
 }
 
 impl Slot {
-    fn is_complete(&self, predictor: bool) -> bool {
+    fn is_complete(&self, Answers { predictor, traffic }: Answers) -> bool {
         self.observation.is_some()
             && self.plan.is_some()
             && self.record.is_some()
             && (!predictor || self.prediction.is_some())
+            && (!traffic || self.moves.is_some())
             && self.expected_events.is_some_and(|expected| self.events.len() as u64 >= u64::from(expected))
     }
 
@@ -106,7 +121,7 @@ impl Slot {
     fn into_messages(mut self) -> impl Iterator<Item = Message> {
         // Events of a step come in no order that all deliveries share but that of their bytes: kind, then text.
         self.events.sort_by(|a, b| a.payload.cmp(&b.payload));
-        let answers = [self.observation, self.prediction, self.plan, self.record];
+        let answers = [self.observation, self.prediction, self.plan, self.moves, self.record];
         answers.into_iter().flatten().chain(self.events)
     }
 
@@ -114,6 +129,7 @@ impl Slot {
         counts.observations += u32::from(self.observation.is_some());
         counts.records += u32::from(self.record.is_some());
         counts.plans += u32::from(self.plan.is_some());
+        counts.moves += u32::from(self.moves.is_some());
         counts.predictions += u32::from(self.prediction.is_some());
         counts.events += self.events.len() as u32;
     }
@@ -121,8 +137,8 @@ impl Slot {
 
 /// The messages of one episode on their way into order. Pure: knows no bus, no file and no clock.
 pub struct Sequence {
-    /// Whether a step waits for a prediction.
-    predictor: bool,
+    /// What a step waits for.
+    answers: Answers,
     /// Until it is here nothing is given out.
     scene: Option<Message>,
     scene_given: bool,
@@ -141,11 +157,11 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// The empty sequence of a run that has a predictor, or none.
+    /// The empty sequence of a run whose steps have these answers.
     #[must_use]
-    pub fn new(predictor: bool) -> Self {
+    pub fn new(answers: Answers) -> Self {
         Self {
-            predictor,
+            answers,
             scene: None,
             scene_given: false,
             steps: BTreeMap::new(),
@@ -252,6 +268,7 @@ impl Sequence {
                     Body::Observation(_) => &mut slot.observation,
                     Body::Prediction(_) => &mut slot.prediction,
                     Body::Plan(_) => &mut slot.plan,
+                    Body::Moves(_) => &mut slot.moves,
                     Body::Record(record) => {
                         slot.expected_events.get_or_insert(record.events);
                         &mut slot.record
@@ -265,7 +282,7 @@ impl Sequence {
         };
         match (&place, &message.body) {
             (None, _) => *place = Some(message),
-            (Some(_), Body::Prediction(_) | Body::Plan(_)) => self.strays.push(message),
+            (Some(_), Body::Prediction(_) | Body::Plan(_) | Body::Moves(_)) => self.strays.push(message),
             (Some(_), _) => return false,
         }
         true
@@ -281,7 +298,7 @@ impl Sequence {
 
     fn give_complete_steps(&mut self) {
         self.give_scene();
-        while self.scene_given && self.steps.get(&self.next_step).is_some_and(|slot| slot.is_complete(self.predictor)) {
+        while self.scene_given && self.steps.get(&self.next_step).is_some_and(|slot| slot.is_complete(self.answers)) {
             let Some(slot) = self.steps.remove(&self.next_step) else { break };
             slot.count(&mut self.given);
             for message in slot.into_messages() {

@@ -23,6 +23,8 @@ pub struct Common<'a> {
     pub motion: &'a str,
     /// Whether plans take effect later than at once: only then is there anything to tell of that.
     pub latency: bool,
+    /// Who drives the agents that react, if any do: only then is there anything to tell of them.
+    pub traffic: Option<&'a str>,
 }
 
 impl<'a> Common<'a> {
@@ -34,6 +36,7 @@ impl<'a> Common<'a> {
             protocol: settings.protocol.name(),
             motion: settings.protocol.motion_name(),
             latency: settings.latency.is_some(),
+            traffic: settings.traffic.as_ref().map(|traffic| traffic.node.name.as_str()),
         }
     }
 }
@@ -131,6 +134,10 @@ pub fn results(common: Common<'_>, episodes: &[Episode<'_>]) -> Result<RecordBat
         };
         table.maybe("mean_plan_age_s", parts().map(mean_age));
     }
+    if let Some(name) = common.traffic {
+        table.text("traffic", all(name));
+        table.count("reactive_agent_steps", parts().map(|part| part.records.iter().map(|step| step.reactive).sum()));
+    }
     table.text("findings", parts().map(|part| part.findings.join(", ")));
     table.text("unjudged", parts().map(|part| part.unjudged.join(", ")));
     table.flag("recorded", parts().map(|part| part.recorded));
@@ -200,6 +207,9 @@ pub fn steps(common: Common<'_>, episodes: &[Episode<'_>]) -> Result<RecordBatch
     table.maybe("human_velocity_y_mps", logged(|human| human.velocity_y));
     if common.latency {
         table.maybe("plan_age_s", parts().flat_map(|part| plan_ages(&part.records)));
+    }
+    if common.traffic.is_some() {
+        table.count("reactive_agents", records().map(|record| record.reactive));
     }
     let events = |part: &Part, record: &StepRecord| events_at(part, record.step);
     table.text("events", parts().flat_map(|part| part.records.iter().map(move |record| events(part, record))));
@@ -327,7 +337,7 @@ mod tests {
     fn what_is_not_a_number_is_null_in_every_column_of_every_file() {
         let part = part();
         let scene = SceneLine { id: "s".to_owned(), ..SceneLine::default() };
-        let common = Common { driver: "d", protocol: "strict", motion: "m", latency: true };
+        let common = Common { driver: "d", protocol: "strict", motion: "m", latency: true, traffic: Some("t") };
         let episodes = [(&scene, &part)];
         let files = [results(common, &episodes), steps(common, &episodes), timing(&episodes)];
         let mut columns = 0;

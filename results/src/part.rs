@@ -132,6 +132,9 @@ pub struct Timing {
     /// The longest answer.
     #[prost(double, tag = "14")]
     pub answer_max: f64,
+    /// Waiting for who drives the agents that react, all steps.
+    #[prost(double, tag = "15")]
+    pub traffic: f64,
 }
 
 impl Part {

@@ -9,6 +9,7 @@ use std::time::Duration;
 use clap::ValueEnum;
 use episode::latency::Latency;
 use episode::protocol::Protocol;
+use episode::traffic::TrafficSettings;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use thiserror::Error;
@@ -58,6 +59,26 @@ pub struct Settings {
     /// Set where another run's drives were taken over.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fork: Option<Fork>,
+    /// Agents that react; none: all do what they did in the log.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub traffic: Option<Traffic>,
+}
+
+/// Agents that react.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Traffic {
+    /// Who drives them: a member of `traffic-node`, or a process of the user's.
+    pub node: Node,
+    /// Who is taken over from the log.
+    pub hand_over: TrafficSettings,
+}
+
+impl std::fmt::Display for Traffic {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let all = std::iter::once(self.node.name.clone()).chain(self.hand_over.changes());
+        f.write_str(&all.collect::<Vec<_>>().join(", "))
+    }
 }
 
 /// From where drives were taken over: up to a step they are those of another run.
@@ -109,7 +130,7 @@ pub enum Planner {
     External,
 }
 
-/// A member of `planner-node` or `predictor-node`, or a predictor of the user's.
+/// A member of `planner-node`, `predictor-node` or `traffic-node`, or a process of the user's in such a place.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct Node {
@@ -370,6 +391,7 @@ pub(crate) mod tests {
                 protocol: Protocol::default(),
                 latency: None,
                 fork: None,
+                traffic: None,
             },
             build: Build::this(),
             machine: Machine {

@@ -57,6 +57,8 @@ pub struct Summary {
     pub changes: Vec<String>,
     /// When its plans took effect; none: at once.
     pub latency: Option<Latency>,
+    /// Who drives the agents that react; none: all are replayed.
+    pub traffic: Option<String>,
     /// The scenes: names and hashes.
     pub scenes: Vec<(String, String)>,
     /// Those without a result; means are over the others.
@@ -114,6 +116,7 @@ impl Summary {
             protocol: file.settings.protocol.name().to_owned(),
             motion: file.settings.protocol.motion_name().to_owned(),
             latency: file.settings.latency,
+            traffic: file.settings.traffic.as_ref().map(ToString::to_string),
             changes: fork.into_iter().chain(file.settings.protocol.changes()).collect(),
             scenes,
             failures,
@@ -128,7 +131,8 @@ impl Summary {
     #[must_use]
     pub fn settings(&self) -> Vec<String> {
         let latency = self.latency.iter().map(|latency| format!("latency {latency}"));
-        self.changes.iter().cloned().chain(latency).collect()
+        let traffic = self.traffic.iter().map(|name| format!("traffic {name}"));
+        self.changes.iter().cloned().chain(latency).chain(traffic).collect()
     }
 
     /// How many episodes have a result.

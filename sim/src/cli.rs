@@ -208,6 +208,22 @@ pub struct RunArgs {
     #[arg(long, value_name = "WHICH", help_heading = "What to drive")]
     pub planner: Option<Planner>,
 
+    /// Agents that react under `strict`, instead of doing what they did in the log (docs/traffic.md)
+    #[arg(long, value_name = "NAME", default_value = NO_TRAFFIC, value_parser = traffic_names(), help_heading = "What to drive")]
+    pub traffic: String,
+
+    /// Traffic of your own: a shell command, as --planner-command, that says where the agents are next that react
+    #[arg(long, value_name = "COMMAND", conflicts_with = "traffic", help_heading = "What to drive")]
+    pub traffic_command: Option<String>,
+
+    /// What is drawn about agents that react is drawn from this [default: 0]
+    #[arg(long, value_name = "N", conflicts_with = "traffic_command", help_heading = "What to drive")]
+    pub traffic_seed: Option<u64>,
+
+    /// Who is taken over from the log: radius=60 or left-log=1 (m), or pedestrians=replayed or stop
+    #[arg(long, value_name = "KEY=VALUE", num_args = 1, help_heading = "What to drive")]
+    pub traffic_set: Vec<String>,
+
     /// What tables call the driver [default: its name]
     #[arg(long, value_name = "NAME", help_heading = "What to drive")]
     pub label: Option<String>,
@@ -311,6 +327,10 @@ impl RunArgs {
             scenarios: Vec::new(),
             features: None,
             planner: None,
+            traffic: NO_TRAFFIC.to_owned(),
+            traffic_command: None,
+            traffic_seed: None,
+            traffic_set: Vec::new(),
             protocol: ProtocolName::default(),
             set: Vec::new(),
             motion: None,
@@ -396,7 +416,11 @@ pub struct MatrixArgs {
     #[arg(long, value_name = "HOW", value_delimiter = ',', help_heading = "What to drive")]
     pub latency: Vec<LatencyChoice>,
 
-    /// The folder of all runs, DIR/LABEL-PROTOCOL each, with the latency behind it if there is any
+    /// Agents that react, as for `sim run`: a run each
+    #[arg(long, value_name = "NAME", value_delimiter = ',', default_value = NO_TRAFFIC, value_parser = traffic_names(), help_heading = "What to drive")]
+    pub traffic: Vec<String>,
+
+    /// The folder of all runs, DIR/LABEL-PROTOCOL each, with latency and traffic behind it if there are any
     #[arg(long, value_name = "DIR", default_value = "runs/matrix", help_heading = "How to run")]
     pub out: PathBuf,
 
@@ -611,6 +635,15 @@ impl ProtocolName {
 /// What `--driver` takes.
 fn driver_names() -> PossibleValuesParser {
     DRIVERS.iter().map(|driver| PossibleValue::new(driver.name).help(driver.about)).collect::<Vec<_>>().into()
+}
+
+/// What `--traffic` takes, beside who drives: that all are replayed.
+pub(crate) const NO_TRAFFIC: &str = "none";
+
+/// What `--traffic` takes.
+fn traffic_names() -> PossibleValuesParser {
+    let names = traffic_node::character::CASTS.iter().map(|(name, _)| *name);
+    std::iter::once(NO_TRAFFIC).chain(names).collect::<Vec<_>>().into()
 }
 
 /// `5s`, `500ms`, `2m`; above zero.

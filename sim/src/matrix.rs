@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use scenarios::SceneSet;
 use thiserror::Error;
 
-use crate::cli::{Entrant, LatencyChoice, MatrixArgs, ProtocolName, RunArgs};
+use crate::cli::{self, Entrant, LatencyChoice, MatrixArgs, ProtocolName, RunArgs};
 use crate::entrants::{self, EntrantsError};
 use crate::request::{Request, RequestError};
 use crate::run::clock::WallClock;
@@ -43,15 +43,17 @@ pub fn requests(arguments: &MatrixArgs, cores: u16) -> Result<Vec<Request>, Matr
     let latencies = latencies(&arguments.latency)?;
     let cells = arguments.protocols.iter().flat_map(|protocol| drivers.iter().map(move |it| (protocol, it)));
     let cells = cells.flat_map(|cell| latencies.iter().map(move |latency| (cell, latency)));
-    type Cell<'c> = ((&'c ProtocolName, &'c Entrant), &'c (String, Option<LatencyChoice>));
-    let request = |((protocol, entrant), (suffix, latency)): Cell<'_>| {
+    let cells = cells.flat_map(|cell| arguments.traffic.iter().map(move |traffic| (cell, traffic)));
+    type Cell<'c> = (((&'c ProtocolName, &'c Entrant), &'c (String, Option<LatencyChoice>)), &'c String);
+    let request = |(((protocol, entrant), (suffix, latency)), traffic): Cell<'_>| {
         let label = entrant.label.clone();
         let run = RunArgs {
             paths: arguments.paths.clone(),
             scenarios: arguments.scenarios.clone(),
             protocol: *protocol,
             set: arguments.set.clone(),
-            out: Some(arguments.out.join(format!("{label}-{}{suffix}", protocol.name()))),
+            out: Some(arguments.out.join(format!("{label}-{}{suffix}{}", protocol.name(), behind(traffic)))),
+            traffic: traffic.clone(),
             latency: latency.clone(),
             shard: arguments.shard,
             retry: arguments.retry.clone(),
@@ -65,6 +67,11 @@ pub fn requests(arguments: &MatrixArgs, cores: u16) -> Result<Vec<Request>, Matr
         Request::resolve(run, cores).map_err(|source| MatrixError::Request { label, source })
     };
     cells.map(request).collect()
+}
+
+/// What the folder of a run under this traffic ends in.
+fn behind(traffic: &str) -> String {
+    if traffic == cli::NO_TRAFFIC { String::new() } else { format!("-{traffic}") }
 }
 
 /// The latencies, each with what the folders of its runs end in; that none is asked for is one.
@@ -105,7 +112,9 @@ pub fn drive(
     let driven = requests.iter().map(|request| {
         let (driver, protocol) = (&request.settings.driver, request.settings.protocol.name());
         let latency = request.settings.latency.as_ref().map_or_else(String::new, |latency| format!(", {latency}"));
-        let shared = console.shared(format!("{driver}, {protocol}{latency}"));
+        let traffic =
+            request.settings.traffic.as_ref().map_or_else(String::new, |traffic| format!(", traffic {traffic}"));
+        let shared = console.shared(format!("{driver}, {protocol}{latency}{traffic}"));
         run::run(request, clock, &shared, interrupts)
     });
     let driven = driven.collect();

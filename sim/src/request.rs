@@ -8,11 +8,12 @@ use std::time::Duration;
 
 use episode::latency::Latency;
 use episode::protocol::{Motion, Protocol, SettingError, StrictSettings};
+use episode::traffic::TrafficSettings;
 use network::features::Settings as Features;
 use network::weights::features_of;
 use results::drivers::{self, Driver, MotionName, Predictor};
 use results::files::{self, FileError};
-use results::settings::{Machine, Node, Planner, Settings, ZenohConfig};
+use results::settings::{Machine, Node, Planner, Settings, Traffic, ZenohConfig};
 use results::weights;
 use shard::{SchedulerError, Shard, ShardChoice};
 use thiserror::Error;
@@ -92,6 +93,10 @@ pub enum RequestError {
         "--latency is for an AV that follows plans, and that of the driver human is played back\nhint: leave --latency out, or have it steer, with --motion bicycle"
     )]
     PlayedBackLate,
+    #[error(
+        "--traffic-seed and --traffic-set are for agents that react, and all are replayed\nhint: --traffic idm, or another; `sim run --help` names them"
+    )]
+    NobodyReacts,
     #[error(transparent)]
     Shard(#[from] SchedulerError),
     #[error(transparent)]
@@ -105,6 +110,7 @@ impl Request {
     /// [`RequestError`].
     pub fn resolve(arguments: RunArgs, cores: u16) -> Result<Self, RequestError> {
         let row = drivers::find(&arguments.driver).ok_or_else(|| RequestError::Driver(arguments.driver.clone()))?;
+        let traffic = traffic(&arguments)?;
         let own = arguments.planner.is_some() || arguments.planner_command.is_some();
         let (planner, name, wants, moves) = match (arguments.planner_command, arguments.planner) {
             (Some(command), _) => {
@@ -186,6 +192,9 @@ impl Request {
         if let (Some(_), Protocol::Strict(StrictSettings { motion: Motion::Playback, .. })) = (&latency, &protocol) {
             return Err(RequestError::PlayedBackLate);
         }
+        if let (Some(_), Protocol::Paper) = (&traffic, &protocol) {
+            return Err(RequestError::NotUnderPaper("--traffic"));
+        }
         let patience = if planner == Planner::External { PATIENCE_WITH_PEOPLE } else { PATIENCE_WITH_NODES };
         let settings = Settings {
             driver,
@@ -196,6 +205,7 @@ impl Request {
             protocol,
             latency,
             fork: None,
+            traffic,
         };
         let shard = arguments.shard.map(ShardChoice::of_this_process).transpose()?;
         let machine = Machine {
@@ -214,6 +224,26 @@ impl Request {
         let RunArgs { out, retry, verify, timing, view, .. } = arguments;
         Ok(Self { settings, machine, out, shard, retry, verify, timing, view })
     }
+}
+
+/// Who drives the agents that react; none where all are replayed.
+fn traffic(arguments: &RunArgs) -> Result<Option<Traffic>, RequestError> {
+    let hand_over = TrafficSettings::default().with_changes(&arguments.traffic_set)?;
+    let node = match (&arguments.traffic_command, arguments.traffic.as_str()) {
+        (Some(command), _) => {
+            let files = files_named_in(command);
+            Node { command: Some(command.clone()), files, ..Node::named("command", false) }
+        }
+        (None, cli::NO_TRAFFIC) if arguments.traffic_seed.is_none() && arguments.traffic_set.is_empty() => {
+            return Ok(None);
+        }
+        (None, cli::NO_TRAFFIC) => return Err(RequestError::NobodyReacts),
+        (None, name) => {
+            let seed = arguments.traffic_seed.unwrap_or(0);
+            Node { options: vec!["--seed".to_owned(), seed.to_string()], ..Node::named(name, false) }
+        }
+    };
+    Ok(Some(Traffic { node, hand_over }))
 }
 
 /// When plans take effect; none where it is at once. And the file that says so, if one does.

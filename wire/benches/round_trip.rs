@@ -103,7 +103,7 @@ fn bus() -> Vec<Duration> {
     let seat = hub.seat(Role::Planner, &w0()).unwrap();
     let node = start(&["--node", hub.endpoint(), seat.secret().reveal()]);
     hub.wait_for_nodes(&[&seat], DEADLINE, &|| false).unwrap();
-    let cast = Cast { planner: &seat, predictor: None, recorder: None };
+    let cast = Cast { planner: &seat, predictor: None, traffic: None, recorder: None };
     let mut line = hub.episode(&Worker::numbered(0), &SceneId::new("bench").unwrap(), cast).unwrap();
     let mut observation = observation(0);
     line.announce(&briefing(&observation)).unwrap();

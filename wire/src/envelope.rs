@@ -16,6 +16,8 @@ pub enum Telling {
     Prediction = 4,
     /// `EpisodeEnd`.
     End = 5,
+    /// `TakenAgents`.
+    Taken = 6,
 }
 
 /// What an `Answer` holds.
@@ -27,6 +29,8 @@ pub enum Saying {
     Prediction = 3,
     /// `Done`.
     Done = 4,
+    /// `TrafficMoves`.
+    Moves = 5,
 }
 
 /// What an envelope may hold: the fields of its `oneof`.
@@ -41,7 +45,7 @@ pub trait Content: Copy + 'static {
 
 impl Content for Telling {
     const ENVELOPE: &'static str = "Told";
-    const ALL: &'static [Self] = &[Self::Scene, Self::Observation, Self::Prediction, Self::End];
+    const ALL: &'static [Self] = &[Self::Scene, Self::Observation, Self::Prediction, Self::End, Self::Taken];
     fn field(self) -> u64 {
         self as u64
     }
@@ -49,7 +53,7 @@ impl Content for Telling {
 
 impl Content for Saying {
     const ENVELOPE: &'static str = "Answer";
-    const ALL: &'static [Self] = &[Self::Plan, Self::Prediction, Self::Done];
+    const ALL: &'static [Self] = &[Self::Plan, Self::Prediction, Self::Done, Self::Moves];
     fn field(self) -> u64 {
         self as u64
     }

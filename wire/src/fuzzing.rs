@@ -8,8 +8,9 @@ use prost::Message as _;
 use world::observation::Briefing;
 use world::plan::{UncheckedPlan, UncheckedPrediction};
 use world::reference_line::ReferenceLine;
+use world::traffic::UncheckedMoves;
 
-use crate::convert::{self, Message, MessageError, compact, decode, shown};
+use crate::convert::{self, KnownWays, Message, MessageError, compact, decode, shown};
 use crate::envelope::{Content, Saying, Telling, open, seal};
 use crate::keys::{Address, Answering, NodeId, Place, Workers};
 use crate::session::ZenohFile;
@@ -59,6 +60,31 @@ pub fn prediction(bytes: &[u8]) {
     recorded_prediction(bytes);
 }
 
+/// Any bytes as `TakenAgents`: who is taken over is told on as it was told.
+///
+/// # Panics
+/// If that does not hold.
+pub fn taken(bytes: &[u8]) {
+    let Ok(message) = decode::<proto::TakenAgents>(bytes) else { return };
+    let step = message.step;
+    if let Ok(taken) = KnownWays::default().taken(message) {
+        // Only the ways of those who are taken over at this very step are told with them.
+        let new: Vec<_> = taken.into_iter().filter(|taken| taken.since_step == step).collect();
+        let told = convert::taken_agents(step, &new);
+        // As text, because NaN differs from itself.
+        let again = KnownWays::default().taken(told).map(|again| format!("{again:?}"));
+        assert_eq!(again, Ok(format!("{new:?}")));
+    }
+}
+
+/// Any bytes as `TrafficMoves`: see `message`; and the check that follows takes it or refuses it.
+pub fn moves(bytes: &[u8]) {
+    if let Some(moves) = message::<proto::TrafficMoves, UncheckedMoves>(bytes) {
+        let step = moves.step;
+        let _ = moves.check(step, &[]);
+    }
+}
+
 /// Any bytes as a prediction in a recording: what is unpacked is packed to what leads back to it.
 ///
 /// # Panics
@@ -101,6 +127,7 @@ pub fn told(bytes: &[u8]) {
         Some((Telling::Scene, message)) => scene(message),
         Some((Telling::Observation, message)) => observation(message),
         Some((Telling::Prediction, message)) => prediction(message),
+        Some((Telling::Taken, message)) => taken(message),
         Some((Telling::End, _)) | None => {}
     }
 }
@@ -113,6 +140,7 @@ pub fn answer(bytes: &[u8]) {
     match envelope::<Saying>(bytes) {
         Some((Saying::Plan, message)) => plan(message),
         Some((Saying::Prediction, message)) => prediction(message),
+        Some((Saying::Moves, message)) => moves(message),
         Some((Saying::Done, _)) | None => {}
     }
 }

@@ -61,6 +61,9 @@ pub struct Side {
     pub motion: &'static str,
     /// When its plans took effect.
     pub latency: String,
+    /// Who drove the agents that react; none: all were replayed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub traffic: Option<String>,
     /// Version and revision of the build that drove.
     pub build: String,
     /// How long an answer might take (s).
@@ -187,6 +190,7 @@ impl Side {
             driver: run.driver.clone(),
             motion: run.protocol.motion_name(),
             latency: latency_name(run.latency.as_ref()),
+            traffic: run.traffic.clone(),
             build: format!("{} ({})", run.build.version, run.build.git_revision),
             deadline_s: run.deadline_s,
             passed,

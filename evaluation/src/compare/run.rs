@@ -23,6 +23,8 @@ pub struct Run {
     pub protocol: Protocol,
     /// When its plans took effect; none: at once.
     pub latency: Option<Latency>,
+    /// Who drove the agents that react; none: all were replayed.
+    pub traffic: Option<String>,
     /// The build that drove.
     pub build: Build,
     /// How long an answer might take (s).
@@ -86,6 +88,7 @@ impl Run {
             driver: summary.driver,
             protocol: file.settings.protocol,
             latency: file.settings.latency,
+            traffic: summary.traffic,
             build: file.build,
             deadline_s: file.settings.deadline_s,
         })

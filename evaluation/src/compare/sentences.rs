@@ -170,9 +170,11 @@ pub(crate) fn notes(comparison: &Comparison) -> Vec<String> {
             ));
         }
     }
+    let traffic = |side: &Side| side.traffic.clone().unwrap_or_else(|| "replayed".to_owned());
     for (what, there, here) in [
         ("motion", a.motion.to_owned(), b.motion.to_owned()),
         ("latency", a.latency.clone(), b.latency.clone()),
+        ("traffic", traffic(a), traffic(b)),
         ("deadline", format!("{} s", a.deadline_s), format!("{} s", b.deadline_s)),
         ("build", a.build.clone(), b.build.clone()),
     ] {

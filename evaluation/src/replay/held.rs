@@ -1,6 +1,6 @@
 //! A second recording of an episode held to the first, and which process made the first difference.
 //!
-//! Messages are compared in the order in which they follow from each other: scene; at each step observation, prediction, plan, record,
+//! Messages are compared in the order in which they follow from each other: scene; at each step observation, moves, prediction, plan, record,
 //! events; end. All that a process had heard was the same until then, so the first that differs is of the process to blame.
 //!
 //! Left out is what may differ between two drives that are the same: a plan's `status`, which is free text and may tell a time; the end's
@@ -24,6 +24,8 @@ pub enum Process {
     Predictor,
     /// Plans.
     Planner,
+    /// Where agents are that react.
+    Traffic,
 }
 
 /// The first message that is another one now.
@@ -40,6 +42,7 @@ impl fmt::Display for Parting {
         let blame = match self.process {
             Process::Simulator => "the simulator is to blame: all that it was told before is the same",
             Process::Predictor => "the predictor is to blame: scene and observations are the same up to there",
+            Process::Traffic => "the traffic is to blame: scene and observations are the same up to there",
             Process::Planner => "the planner is to blame: scene, observations and predictions are the same up to there",
         };
         write!(f, "{}; {blame}", self.difference)
@@ -66,10 +69,11 @@ pub fn hold(then: &Recorded, now: &Recorded) -> Result<u32, Parting> {
         // Then it is about nodes: how one of them died, or what it said after the last step.
         let of_nodes = failed(&end) || failed(&end_now);
         let detail = if failed(&end_now) { &end_now.detail } else { &end.detail };
-        let process = match (of_nodes, detail.contains("predictor")) {
+        let process = match (of_nodes, detail) {
             (false, _) => Process::Simulator,
-            (true, true) => Process::Predictor,
-            (true, false) => Process::Planner,
+            (true, detail) if detail.contains("predictor") => Process::Predictor,
+            (true, detail) if detail.contains("the traffic") => Process::Traffic,
+            (true, _) => Process::Planner,
         };
         Parting { difference, process }
     })?;
@@ -81,6 +85,8 @@ fn step(then: &Recorded, now: &Recorded, index: usize) -> Result<(), Parting> {
     let by = |process| move |difference| Parting { difference, process };
     let (observation, observation_now) = (then.observations.get(index), now.observations.get(index));
     difference::at(step, "observation", observation, observation_now).map_err(by(Process::Simulator))?;
+    difference::at(step, "moves", then.moves.get(index), now.moves.get(index))
+        .map_err(|difference| by(Process::Traffic)(with_reason(difference, then, now)))?;
     let prediction = then.predictions.get(index);
     let prediction_now = now.predictions.get(index).map(|now| in_the_words_of(prediction, now));
     difference::at(step, "prediction", prediction, prediction_now.as_deref())
@@ -139,6 +145,7 @@ mod tests {
                 .clone()
                 .map(|step| proto::Plan { step, states: vec![proto::PlanState::default(); 50], ..Default::default() })
                 .collect(),
+            moves: Vec::new(),
             records: steps.map(|step| proto::StepRecord { step, ..Default::default() }).collect(),
             events: vec![proto::Event { step: 1, text: "bump".to_owned(), ..Default::default() }],
             end: proto::EpisodeEnd { reason: EndReason::Horizon.into(), steps: 3, ..Default::default() },

@@ -19,11 +19,13 @@ mod recorded;
 
 use std::sync::Arc;
 
-use episode::protocol::Protocol;
+use episode::protocol::{Protocol, SettingError};
+use episode::traffic::TrafficSettings;
 use episode::{Episode, Undrivable};
 use thiserror::Error;
 use wire::proto::{self, EndReason};
 use world::scene::Scene;
+use world::traffic::MoveError;
 
 pub use difference::Difference;
 use recorded::of_the_drive;
@@ -46,14 +48,26 @@ pub enum ReplayError {
     Undrivable(#[from] Undrivable),
     #[error(transparent)]
     Plan(#[from] PlanError),
+    #[error(transparent)]
+    Setting(#[from] SettingError),
+    #[error("step {step}: the recorded traffic cannot be driven: {source}")]
+    Moves { step: u32, source: MoveError },
 }
 
-/// Drives `scene` by the plans of `recorded`.
+/// Drives `scene` by the plans of `recorded` and, where agents reacted, by what they did: `traffic` says who is taken over.
 ///
 /// # Errors
 /// [`ReplayError`].
-pub fn replay(scene: Arc<Scene>, protocol: &Protocol, recorded: &Recorded) -> Result<Verdict, ReplayError> {
-    let episode = Episode::new(Arc::clone(&scene), protocol)?;
+pub fn replay(
+    scene: Arc<Scene>,
+    protocol: &Protocol,
+    traffic: Option<&TrafficSettings>,
+    recorded: &Recorded,
+) -> Result<Verdict, ReplayError> {
+    let mut episode = Episode::new(Arc::clone(&scene), protocol)?;
+    if let Some(settings) = traffic {
+        episode = episode.with_traffic(settings)?;
+    }
     let mut drive = Drive { episode, recorded, step: 0 };
     match drive.run() {
         Ok(()) => Ok(Verdict::Same(drive.step)),
@@ -95,6 +109,11 @@ impl Drive<'_> {
             let observation = proto::Observation::from(&self.episode.observe());
             difference::at(step, "observation", recorded.observations.get(index), Some(&observation))?;
             let error = |error: PlanError| Stop::Error(error.into());
+            if self.episode.reacts() {
+                let moves = recorded.moves(self.step).map_err(error)?;
+                let refused = |source| Stop::Error(ReplayError::Moves { step: self.step, source });
+                self.episode.move_traffic(moves).map_err(refused)?;
+            }
             let advance = match recorded.late_plans(self.step).map_err(error)? {
                 Some(plans) => self.episode.follow(&plans.guidance()),
                 None => self.episode.advance(&recorded.plan(self.step).map_err(error)?),

@@ -5,13 +5,15 @@ use thiserror::Error;
 use wire::convert::by_number;
 use wire::{WIRE_VERSION, proto};
 use world::plan::{Plan, UncheckedPlan};
+use world::traffic::UncheckedMoves;
 
 use crate::recorded::{RecordedError, messages};
 
-/// A recorded plan that cannot be driven.
+/// What was recorded of a step, and cannot be driven.
 #[derive(Debug, Error)]
-#[error("the plan of step {step} cannot be driven: {why}")]
+#[error("the {what} of step {step} cannot be driven: {why}")]
 pub struct PlanError {
+    what: &'static str,
     step: u32,
     why: String,
 }
@@ -38,6 +40,7 @@ pub struct Recorded {
     pub(super) observations: Vec<proto::Observation>,
     pub(super) predictions: Vec<proto::Prediction>,
     pub(super) plans: Vec<proto::Plan>,
+    pub(super) moves: Vec<proto::TrafficMoves>,
     pub(super) records: Vec<proto::StepRecord>,
     pub(super) events: Vec<proto::Event>,
     pub(super) end: proto::EpisodeEnd,
@@ -61,10 +64,20 @@ impl Recorded {
     /// # Errors
     /// [`PlanError`].
     pub fn plan(&self, step: u32) -> Result<Plan, PlanError> {
-        let error = |why: String| PlanError { step, why };
+        let error = |why: String| PlanError { what: "plan", step, why };
         let recorded = self.plans.get(step as usize).ok_or_else(|| error("it is not recorded".to_owned()))?;
         let unchecked = UncheckedPlan::try_from(recorded.clone()).map_err(|refused| error(refused.to_string()))?;
         unchecked.check(step).map_err(|refused| error(refused.to_string()))
+    }
+
+    /// Where the agents were after `step` that reacted.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub(super) fn moves(&self, step: u32) -> Result<UncheckedMoves, PlanError> {
+        let error = |why: String| PlanError { what: "traffic", step, why };
+        let recorded = self.moves.get(step as usize).ok_or_else(|| error("it is not recorded".to_owned()))?;
+        UncheckedMoves::try_from(recorded.clone()).map_err(|refused| error(refused.to_string()))
     }
 
     /// The plans that were followed at `step` under a latency, as its record tells; none without one, where the plan of the step is driven.
@@ -77,7 +90,7 @@ impl Recorded {
         else {
             return Ok(None);
         };
-        let error = |why: &str| PlanError { step, why: why.to_owned() };
+        let error = |why: &str| PlanError { what: "plan", step, why: why.to_owned() };
         let aged = |age: i32| -> Result<Option<(Plan, u32)>, PlanError> {
             let Ok(age) = u32::try_from(age) else { return Ok(None) };
             let asked = step.checked_sub(age).ok_or_else(|| error("its record tells of one before the drive"))?;
@@ -111,7 +124,8 @@ impl Recorded {
     /// [`RecordedError`].
     pub fn read(bytes: &[u8]) -> Result<Self, RecordedError> {
         let (mut scene, mut end) = (None, None);
-        let (mut observations, mut predictions, mut plans) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut observations, mut predictions, mut plans, mut moves) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let (mut records, mut events) = (Vec::new(), Vec::new());
         messages(bytes, |channel, data| {
             match channel {
@@ -119,6 +133,7 @@ impl Recorded {
                 "observation" => observations.push(decoded(data)?),
                 "prediction" => predictions.push(decoded(data)?),
                 "plan" => plans.push(decoded(data)?),
+                "moves" => moves.push(decoded(data)?),
                 // What pictures show beside the drive is none of it.
                 "record" => records.push(proto::StepRecord { logged_av: None, ..decoded(data)? }),
                 "event" => events.push(proto::Event { other: None, ..decoded(data)? }),
@@ -139,6 +154,7 @@ impl Recorded {
             observations,
             predictions,
             plans,
+            moves,
             records,
             events,
         })
@@ -157,6 +173,7 @@ pub(super) fn of_the_drive(end: &proto::EpisodeEnd) -> proto::EpisodeEnd {
         predictions: 0,
         records: 0,
         events: 0,
+        moves: 0,
         digest: Vec::new(),
         ..end.clone()
     }

@@ -79,6 +79,7 @@ fn facts(source: &Source) -> Markup {
         ("Motion", settings.protocol.motion_name().to_owned()),
         ("Settings", rules),
         ("Latency", table::latency_name(settings.latency.as_ref())),
+        ("Traffic", settings.traffic.as_ref().map_or_else(|| "replayed".to_owned(), ToString::to_string)),
         ("Deadline", format!("{} s", settings.deadline_s)),
         ("Recorded", format!("{recorded:?}").to_lowercase()),
         ("Build", format!("{} ({})", build.version, build.git_revision)),

@@ -112,7 +112,7 @@ fn seat(hub: &Hub) -> Seat {
 }
 
 fn open(hub: &Hub, node: &Node) -> EpisodeLine {
-    let cast = Cast { planner: &node.1, predictor: None, recorder: None };
+    let cast = Cast { planner: &node.1, predictor: None, traffic: None, recorder: None };
     let mut line = hub.episode(&Worker::numbered(0), &SceneId::new("straight").unwrap(), cast).unwrap();
     line.announce(&briefing()).unwrap();
     line

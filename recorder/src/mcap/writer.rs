@@ -6,6 +6,7 @@ use foxglove::messages::{FrameTransforms, Log, SceneUpdate};
 use mcap::McapError;
 use recording::{METADATA, METADATA_RUN, METADATA_SETTINGS, TOPICS};
 use wire::convert::compact;
+use wire::keys::Channel;
 use wire::proto;
 
 use super::file::{ChannelId, Encoder};
@@ -18,8 +19,10 @@ use crate::strokes;
 /// Writes one episode. Feed it messages in order; drain it with [`EpisodeWriter::take`].
 pub struct EpisodeWriter {
     encoder: Encoder,
-    /// By the place of the channel in [`CHANNELS`].
-    own: [ChannelId; CHANNELS.len()],
+    /// By the place of the channel in [`CHANNELS`], but for the last.
+    own: [ChannelId; CHANNELS.len() - 1],
+    /// The last, once there is a message of it: most recordings have none, and the others' numbers stay.
+    moves: Option<ChannelId>,
     shown: Shown,
     origin: Origin,
     /// Middle of the AV's box (m): plans and predictions have no height of their own.
@@ -50,6 +53,10 @@ fn add<T: Encode>(encoder: &mut Encoder, topic: &str) -> Result<ChannelId, McapE
     encoder.add_channel(topic, &schema.name, &schema.data)
 }
 
+fn add_own(encoder: &mut Encoder, channel: Channel) -> Result<ChannelId, McapError> {
+    encoder.add_channel(&format!("{TOPICS}{}", channel.name()), schema(channel), wire::FILE_DESCRIPTOR_SET)
+}
+
 impl EpisodeWriter {
     /// A file of the run of this name, with these settings (TOML).
     ///
@@ -61,9 +68,8 @@ impl EpisodeWriter {
         let entries = [(METADATA_RUN, run), (METADATA_SETTINGS, settings), ("wire_version", &version)];
         encoder.add_metadata(METADATA, &entries)?;
         let mut own = Vec::with_capacity(CHANNELS.len());
-        for channel in CHANNELS {
-            let topic = format!("{TOPICS}{}", channel.name());
-            own.push(encoder.add_channel(&topic, schema(channel), wire::FILE_DESCRIPTOR_SET)?);
+        for channel in CHANNELS.into_iter().filter(|channel| *channel != Channel::Moves) {
+            own.push(add_own(&mut encoder, channel)?);
         }
         let own = own.try_into().map_err(|_| McapError::TooManyChannels)?;
         let shown = Shown {
@@ -81,6 +87,7 @@ impl EpisodeWriter {
         Ok(Self {
             encoder,
             own,
+            moves: None,
             shown,
             origin: Origin::default(),
             height: 0.0,
@@ -103,7 +110,12 @@ impl EpisodeWriter {
                 _ => None,
             };
             let payload = packed.as_ref().unwrap_or(&message.payload);
-            self.encoder.write(self.own[place], message.log_time(), payload)?;
+            let id = match (self.own.get(place), self.moves) {
+                (Some(own), _) => *own,
+                (None, Some(moves)) => moves,
+                (None, None) => *self.moves.insert(add_own(&mut self.encoder, channel)?),
+            };
+            self.encoder.write(id, message.log_time(), payload)?;
         }
         self.show(message)
     }
@@ -162,6 +174,8 @@ impl EpisodeWriter {
                 self.last = record.av.map(|av| (step.saturating_add(1), av, record.logged_av));
                 Ok(())
             }
+            // The observation after it shows where they are.
+            Body::Moves(_) => Ok(()),
             Body::Event(event) => {
                 let level = if strokes::is_grave(event) { Level::Error } else { Level::Warning };
                 self.contacts.happen(event);

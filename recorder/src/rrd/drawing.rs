@@ -131,6 +131,8 @@ impl Drawing {
                 let points = strokes::plan(plan, self.ground + LIFT, &self.origin);
                 self.plan.push(step, std::iter::once((points, palette::PLAN, 4.0)));
             }
+            // The observation after it shows where they are.
+            Body::Moves(_) => {}
             Body::Record(record) => self.record(record),
             Body::Event(event) => {
                 let (level, rgba) = if strokes::is_grave(event) {
@@ -376,7 +378,7 @@ fn points(body: &Body) -> usize {
         Body::Plan(plan) => plan.states.len(),
         Body::Event(event) => 8 + event.text.len() / 12,
         Body::Record(_) => 8,
-        Body::Scene(_) | Body::End(_) => 0,
+        Body::Scene(_) | Body::Moves(_) | Body::End(_) => 0,
     }
 }
 

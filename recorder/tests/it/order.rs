@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use recorder::message::{Body, Message};
-use recorder::sequence::{Counts, Sequence};
+use recorder::sequence::{Answers, Counts, Sequence};
 use wire::proto;
 
 use crate::synthetic::{self, SMALL};
@@ -12,7 +12,7 @@ fn drain(sequence: &mut Sequence) -> Vec<Message> {
 }
 
 fn sorted(predictor: bool, arrivals: impl IntoIterator<Item = Message>) -> (Vec<Message>, Sequence) {
-    let mut sequence = Sequence::new(predictor);
+    let mut sequence = Sequence::new(Answers { predictor, traffic: false });
     let mut given = Vec::new();
     for message in arrivals {
         sequence.push(message).unwrap();
@@ -76,7 +76,7 @@ fn a_second_answer_comes_before_the_end_too() {
 #[test]
 fn a_step_is_given_out_as_soon_as_it_is_complete() {
     let episode = synthetic::episode("s", SMALL);
-    let mut sequence = Sequence::new(true);
+    let mut sequence = Sequence::new(Answers { predictor: true, traffic: false });
     let mut given = Vec::new();
     // Scene, then observation, prediction, plan and record of step 0.
     for message in &episode[..5] {
@@ -90,7 +90,7 @@ fn a_step_is_given_out_as_soon_as_it_is_complete() {
 #[test]
 fn nothing_is_given_out_before_the_scene() {
     let episode = synthetic::episode("s", SMALL);
-    let mut sequence = Sequence::new(true);
+    let mut sequence = Sequence::new(Answers { predictor: true, traffic: false });
     for message in &episode[1..] {
         sequence.push(message.clone()).unwrap();
     }
@@ -110,13 +110,16 @@ fn the_answer_that_was_refused_is_recorded() {
     let expected: Vec<Message> = episode.into_iter().filter(|message| !is_last_record(message)).collect();
     let (given, sequence) = sorted(true, expected.clone());
     assert!(given == expected);
-    assert_eq!(sequence.counts(), Counts { observations: 5, predictions: 5, plans: 5, records: 4, events: 2 });
+    assert_eq!(
+        sequence.counts(),
+        Counts { observations: 5, predictions: 5, plans: 5, moves: 0, records: 4, events: 2 }
+    );
 }
 
 #[test]
 fn a_run_without_a_predictor_waits_for_none() {
     let without = synthetic::episode("s", synthetic::Size { futures: 0, ..SMALL });
-    let mut sequence = Sequence::new(false);
+    let mut sequence = Sequence::new(Answers { predictor: false, traffic: false });
     without.iter().for_each(|message| sequence.push(message.clone()).unwrap());
     assert!(sequence.is_whole());
 }
@@ -125,7 +128,7 @@ fn a_run_without_a_predictor_waits_for_none() {
 fn a_lost_message_is_named() {
     let mut episode = synthetic::episode("s", SMALL);
     episode.remove(3);
-    let mut sequence = Sequence::new(true);
+    let mut sequence = Sequence::new(Answers { predictor: true, traffic: false });
     episode.iter().for_each(|message| sequence.push(message.clone()).unwrap());
     assert!(!sequence.is_whole());
     let expected = Counts::of_end(sequence.end().unwrap());

@@ -108,6 +108,7 @@ fn episodes_of_all_workers_are_recorded_and_answered() {
             events: 2,
             error: String::new(),
             digest: synthetic::digest(episode).to_bytes(),
+            moves: 0,
         };
         assert_eq!(*answer, expected);
     }

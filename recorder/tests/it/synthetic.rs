@@ -62,6 +62,7 @@ pub fn episode(scene: &str, size: Size) -> Vec<Message> {
         records: size.steps,
         events,
         digest: digest(&messages).to_bytes(),
+        moves: 0,
     };
     messages.push(Message::encode(Body::End(end)));
     messages

@@ -71,7 +71,7 @@ impl Course {
         let mut episode =
             Episode::new(Arc::clone(&scene), &Protocol::default()).map_err(|error: Undrivable| failed(&error))?;
         let briefing = episode.briefing();
-        let mut line = HereLine::new(&Minds { planner: Arc::new(Idm), predictor: None }, None);
+        let mut line = HereLine::new(&Minds { planner: Arc::new(Idm), predictor: None, traffic: None }, None);
         line.announce(&briefing).map_err(|error: LineError| failed(&error))?;
         let mut steps = Vec::new();
         while steps.len() < STEPS && episode.ended().is_none() {

@@ -254,7 +254,12 @@ impl Node<'_> {
     /// # Errors
     /// [`Trouble`].
     pub fn line(&self, number: usize, course: &Course) -> Result<EpisodeLine, Trouble> {
-        let cast = Cast { planner: &self.seats.planner, predictor: self.seats.predictor.as_deref(), recorder: None };
+        let cast = Cast {
+            planner: &self.seats.planner,
+            predictor: self.seats.predictor.as_deref(),
+            traffic: None,
+            recorder: None,
+        };
         let line = self.stand.hub.episode(&Worker::numbered(number), &course.briefing.scene, cast);
         line.map_err(|error| Trouble::Wrong(error.to_string()))
     }

@@ -319,6 +319,7 @@ fn refusal(answer: &[u8]) -> Option<String> {
     let error = match saying {
         Saying::Plan => proto::Plan::decode(bytes).ok()?.error,
         Saying::Prediction => proto::Prediction::decode(bytes).ok()?.error,
+        Saying::Moves => proto::TrafficMoves::decode(bytes).ok()?.error,
         Saying::Done => return None,
     };
     (!error.is_empty()).then(|| error.escape_debug().to_string())

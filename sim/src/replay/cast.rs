@@ -85,6 +85,7 @@ pub fn again(folder: &Path, file: &RunFile, means: &Means) -> Result<Request, Ca
 /// measured again.
 pub fn be_as_late(request: &mut Request, folder: &Path, file: &RunFile) {
     request.settings.latency.clone_from(&file.settings.latency);
+    request.settings.traffic.clone_from(&file.settings.traffic);
     request.machine.latency_trace = match &file.settings.latency {
         Some(Latency::Measured) => Some(folder.join(TRACE).display().to_string()),
         _ => file.machine.latency_trace.clone(),

@@ -119,7 +119,10 @@ impl Run<'_> {
         if self.scenes.known_sha256(place).as_deref() != Some(sha256) {
             return Err("its scene is another one than was driven: the SHA-256 differs".to_owned());
         }
-        match replay(Arc::clone(&scene), &self.file.settings.protocol, &recorded).map_err(|error| error.to_string())? {
+        let settings = &self.file.settings;
+        let traffic = settings.traffic.as_ref().map(|traffic| &traffic.hand_over);
+        let verdict = replay(Arc::clone(&scene), &settings.protocol, traffic, &recorded);
+        match verdict.map_err(|error| error.to_string())? {
             Verdict::Differs(difference) => Err(difference.to_string()),
             Verdict::Same(steps) => self.results.hold(id, &recorded).map(|()| steps),
         }

@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use episode::protocol::Protocol;
+use episode::protocol::{Protocol, SettingError};
+use episode::traffic::TrafficSettings;
 use episode::{Episode, Undrivable};
 use evaluation::recorded::RecordedError;
 use evaluation::replay::{PlanError, Recorded};
@@ -37,6 +38,8 @@ pub enum NotBegun {
     Scene(#[from] SceneError),
     #[error(transparent)]
     Lead(#[from] LeadError),
+    #[error(transparent)]
+    Setting(#[from] SettingError),
 }
 
 /// Plans that are driven before the driver's own. Its nodes see all that happens meanwhile.
@@ -93,15 +96,24 @@ pub struct Beginning {
 }
 
 impl Beginning {
-    /// The episode of `scene` that begins so.
+    /// The episode of `scene` that begins so, under these rules, and with agents that react if `traffic` says whom it takes over.
     ///
     /// # Errors
     /// [`NotBegun`].
-    pub fn begin(&self, scene: &Arc<Scene>, protocol: &Protocol) -> Result<Begun, NotBegun> {
+    pub fn begin(
+        &self,
+        scene: &Arc<Scene>,
+        protocol: &Protocol,
+        traffic: Option<&TrafficSettings>,
+    ) -> Result<Begun, NotBegun> {
         let scene = self.scene(scene)?;
         let episode = match self.later {
             0 => Episode::new(Arc::clone(&scene), protocol)?,
             steps => Episode::begun_later(Arc::clone(&scene), protocol, steps)?,
+        };
+        let episode = match traffic {
+            None => episode,
+            Some(settings) => episode.with_traffic(settings)?,
         };
         let lead = self.lead.as_ref().map_or(Ok(Vec::new()), Lead::plans)?;
         Ok(Begun { scene, episode, lead })
@@ -157,18 +169,18 @@ mod tests {
         let scene = scene();
         let away: Vec<TrackId> = scene.tracks().iter().map(|track| track.id).collect();
         let alone = Beginning { without: away, ..Beginning::default() };
-        let alone = alone.begin(&scene, &Protocol::default()).unwrap();
+        let alone = alone.begin(&scene, &Protocol::default(), None).unwrap();
         assert_eq!((alone.scene.tracks().len(), alone.scene.av()), (1, scene.av()));
         assert!(alone.episode.observe().agents.is_empty());
-        assert!(Arc::ptr_eq(&scene, &Beginning::default().begin(&scene, &Protocol::default()).unwrap().scene));
+        assert!(Arc::ptr_eq(&scene, &Beginning::default().begin(&scene, &Protocol::default(), None).unwrap().scene));
     }
 
     #[test]
     fn who_begins_later_begins_where_the_log_is_then_and_ends_when_it_would() {
         for protocol in [Protocol::default(), Protocol::Paper] {
             let scene = scene();
-            let usual = Beginning::default().begin(&scene, &protocol).unwrap().episode.briefing();
-            let later = Beginning { later: 40, ..Beginning::default() }.begin(&scene, &protocol).unwrap().episode;
+            let usual = Beginning::default().begin(&scene, &protocol, None).unwrap().episode.briefing();
+            let later = Beginning { later: 40, ..Beginning::default() }.begin(&scene, &protocol, None).unwrap().episode;
             let briefing = later.briefing();
             assert_eq!((briefing.start, briefing.horizon), (usual.start + 40, usual.horizon - 40));
             let there = scene.av().states[briefing.start as usize].unwrap();

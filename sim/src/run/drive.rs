@@ -8,6 +8,7 @@ use results::part::{Plans, Timing};
 use wire::proto::{EpisodeEnd, Event, StepRecord};
 use world::observation::{Briefing, Observation};
 use world::plan::Plan;
+use world::traffic::{Taken, UncheckedMoves};
 
 use super::clock::Clock;
 use super::lag::Lag;
@@ -19,6 +20,12 @@ pub trait Driver {
     /// # Errors
     /// Why it cannot drive this scene, as a sentence.
     fn brief(&mut self, briefing: &Briefing) -> Result<(), String>;
+
+    /// Where the agents are after the coming step that are taken over from the log. Asked before the plan, in drives whose agents react.
+    ///
+    /// # Errors
+    /// Why that cannot be told, as a sentence.
+    fn moves(&mut self, observation: &Observation, taken: &[Taken]) -> Result<UncheckedMoves, String>;
 
     /// The plan for a step.
     ///
@@ -78,7 +85,12 @@ pub fn drive(
     while failure.is_none() {
         let observation = episode.observe();
         lap(&mut timing.observe);
-        let answer = driver.answer(&observation);
+        let moved = match episode.reacts() {
+            true => move_traffic(&mut episode, driver, &observation),
+            false => Ok(()),
+        };
+        lap(&mut timing.traffic);
+        let answer = moved.and_then(|()| driver.answer(&observation));
         let taken = lap(&mut timing.answer);
         answers.push(taken);
         let advanced = answer.and_then(|plan| match &mut lag {
@@ -127,6 +139,13 @@ pub fn drive(
     Some(Driven { outcome, plans: lag.map(Lag::plans), recording, timing })
 }
 
+/// Asks for the moves of the agents that react, and makes them.
+fn move_traffic(episode: &mut Episode, driver: &mut impl Driver, observation: &Observation) -> Result<(), String> {
+    let moves = driver.moves(observation, episode.taken())?;
+    let refused = |error| format!("step {}: the traffic's answer is refused: {error}", observation.step);
+    episode.move_traffic(moves).map_err(refused)
+}
+
 #[cfg(test)]
 mod tests {
     use std::cell::Cell;
@@ -168,6 +187,10 @@ mod tests {
             self.clock.pass(500);
             self.heard.push(briefing.scene.to_string());
             Ok(())
+        }
+
+        fn moves(&mut self, _: &Observation, _: &[Taken]) -> Result<UncheckedMoves, String> {
+            Err("nobody reacts here".to_owned())
         }
 
         fn answer(&mut self, observation: &Observation) -> Result<Plan, String> {

@@ -17,7 +17,7 @@ use world::scene::{Scene, SceneId};
 #[allow(missing_docs, reason = "the messages say it")]
 pub enum InProcessError {
     #[error(
-        "--in-process drives with planners and predictors of reloop, and one of these is a process of yours\nhint: leave --in-process out"
+        "--in-process drives with planners, predictors and traffic of reloop, and one of these is a process of yours\nhint: leave --in-process out"
     )]
     NotOurs,
     #[error("{node} does not take these arguments: {error}")]
@@ -46,6 +46,12 @@ struct PredictorLine {
     choice: predictor_node::Choice,
 }
 
+#[derive(Parser)]
+struct TrafficLine {
+    #[command(flatten)]
+    choice: traffic_node::Choice,
+}
+
 /// Who drives by these settings. Who reads the log finds it in `logs`.
 ///
 /// # Errors
@@ -62,7 +68,14 @@ pub fn minds(settings: &Settings, machine: &Machine, logs: &Arc<DrivenLogs>) -> 
         let line = parsed::<PredictorLine>("predictor-node", "--predictor", node, machine)?;
         Ok(line.choice.factory(logs())?)
     });
-    Ok(Minds { planner, predictor: predictor.transpose()? })
+    let traffic = settings.traffic.as_ref().map(|traffic| -> Result<_, InProcessError> {
+        if traffic.node.command.is_some() {
+            return Err(InProcessError::NotOurs);
+        }
+        let line = parsed::<TrafficLine>("traffic-node", "--traffic", &traffic.node, machine)?;
+        Ok(line.choice.factory())
+    });
+    Ok(Minds { planner, predictor: predictor.transpose()?, traffic: traffic.transpose()? })
 }
 
 fn parsed<L: Parser>(program: &'static str, which: &str, node: &Node, machine: &Machine) -> Result<L, InProcessError> {

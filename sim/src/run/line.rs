@@ -8,6 +8,7 @@ use wire::proto::{AgentState, EpisodeEnd, Event, StepRecord};
 use world::observation::{Briefing, Observation};
 use world::plan::{Plan, Prediction};
 use world::scene::{Scene, Track};
+use world::traffic::{Taken, UncheckedMoves};
 
 use super::drive::Driver;
 
@@ -69,6 +70,11 @@ impl Driver for LineDriver {
         self.prediction = prediction.map_err(|error| at("the predictor's answer is refused: ", &error))?;
         let plan = plan.check(step).map_err(|error| at("the planner's answer is refused: ", &error))?;
         Ok(led.cloned().unwrap_or(plan))
+    }
+
+    fn moves(&mut self, observation: &Observation, taken: &[Taken]) -> Result<UncheckedMoves, String> {
+        let moves = self.line.moves(observation, taken, self.deadline);
+        moves.map_err(|error| format!("step {}: {error}", observation.step))
     }
 
     fn step_done(&mut self, record: &StepRecord, events: &[Event]) {

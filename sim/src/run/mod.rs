@@ -444,6 +444,7 @@ fn open_bus(file: &RunFile, console: &Console) -> Result<Reach, RunError> {
         run: name,
         settings: file.to_recorded_toml(),
         predictor: file.settings.predictor.is_some(),
+        traffic: file.settings.traffic.is_some(),
     })?;
     let run = hub.run();
     tracing::info!("run {run} at {}", hub.endpoint());

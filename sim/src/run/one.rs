@@ -60,7 +60,11 @@ pub fn one<T>(
     let reach = reach(&file, false, console)?;
     let shared = Shared::new((set, file, folder), reach, None, clock, console, groups);
     let _log = shared.logs.open(&loaded);
-    let begun = Beginning::default().begin(&loaded, &request.settings.protocol)?;
+    let begun = Beginning::default().begin(
+        &loaded,
+        &request.settings.protocol,
+        request.settings.traffic.as_ref().map(|traffic| &traffic.hand_over),
+    )?;
     let mut worker = Worker::new(0, &shared);
     worker.start_nodes().map_err(NotDriven::Nodes)?;
     let mut driver = worker.driver(&begun.scene, None).map_err(NotDriven::Nodes)?;

@@ -42,7 +42,9 @@ impl Ready {
         let load = shared.clock.now();
         let scene = loaded.map(|(scene, findings)| {
             let lints = lint::lint(&scene, &findings);
-            let begun = shared.beginnings.of(scene.id().as_str()).begin(&scene, &shared.file.settings.protocol);
+            let settings = &shared.file.settings;
+            let traffic = settings.traffic.as_ref().map(|traffic| &traffic.hand_over);
+            let begun = shared.beginnings.of(scene.id().as_str()).begin(&scene, &settings.protocol, traffic);
             Prepared { scene, lints, begun, prepare: shared.clock.now() - load }
         });
         Self { scene, load: load - begin }

@@ -11,10 +11,11 @@ pub struct Breakdown {
     /// When the first step of all began, after the start of the program (s).
     first_step: Option<f64>,
     /// By name: seconds of all workers together.
-    stages: [f64; 8],
+    stages: [f64; 9],
 }
 
-const NAMES: [&str; 8] = ["load", "prepare", "brief", "observe", "answer", "advance", "publish", "recording"];
+const NAMES: [&str; 9] =
+    ["load", "prepare", "brief", "observe", "traffic", "answer", "advance", "publish", "recording"];
 
 impl Breakdown {
     /// Adds an episode.
@@ -26,7 +27,7 @@ impl Breakdown {
             self.first_step = Some(self.first_step.map_or(timing.first_step, |first| first.min(timing.first_step)));
         }
         let t = timing;
-        let stages = [t.load, t.prepare, t.brief, t.observe, t.answer, t.advance, t.publish, t.recording];
+        let stages = [t.load, t.prepare, t.brief, t.observe, t.traffic, t.answer, t.advance, t.publish, t.recording];
         self.stages.iter_mut().zip(stages).for_each(|(sum, stage)| *sum += stage);
     }
 

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use wire::proto::{EpisodeEnd, Event, StepRecord};
 use world::observation::{Briefing, Observation};
 use world::plan::Plan;
+use world::traffic::{Taken, UncheckedMoves};
 
 use super::drive::Driver;
 use super::process::Process;
@@ -57,6 +58,10 @@ impl<D: Driver> Driver for Witness<'_, D> {
 
     fn answer(&mut self, observation: &Observation) -> Result<Plan, String> {
         self.driver.answer(observation).map_err(|reason| self.testify(&reason))
+    }
+
+    fn moves(&mut self, observation: &Observation, taken: &[Taken]) -> Result<UncheckedMoves, String> {
+        self.driver.moves(observation, taken).map_err(|reason| self.testify(&reason))
     }
 
     fn step_done(&mut self, record: &StepRecord, events: &[Event]) {

@@ -89,6 +89,7 @@ pub(super) struct Worker<'a> {
 struct Seats {
     planner: Arc<Seat>,
     predictor: Option<Seat>,
+    traffic: Option<Seat>,
 }
 
 impl<'a> Worker<'a> {
@@ -119,7 +120,8 @@ impl Worker<'_> {
             Box::new(HereLine::new(minds, tape.transpose().map_err(|error| error.to_string())?))
         } else {
             let seats = self.seats.as_ref().ok_or("its worker has no nodes")?;
-            let cast = Cast { planner: &seats.planner, predictor: seats.predictor.as_ref(), recorder };
+            let Seats { planner, predictor, traffic } = seats;
+            let cast = Cast { planner, predictor: predictor.as_ref(), traffic: traffic.as_ref(), recorder };
             let line = shared.hub()?.episode(&self.name, scene.id(), cast);
             Box::new(line.map_err(|error| error.to_string())?)
         };
@@ -144,24 +146,30 @@ impl Worker<'_> {
             Planner::Command { command, .. } => Some(self.start_own(Role::Planner, command, &planner)?),
             Planner::External => None,
         };
-        let mut predictor = None;
-        if let Some(node) = &settings.predictor {
-            let seat = self.seat(Role::Predictor)?;
-            let process = match &node.command {
-                None => self.start_node("predictor-node", Role::Predictor, node, &seat)?,
-                Some(command) => self.start_own(Role::Predictor, command, &seat)?,
-            };
-            predictor = Some((process, seat));
-        }
-        // Both start side by side; then both are waited for.
+        let traffic = settings.traffic.as_ref().map(|traffic| &traffic.node);
+        let predictor = self.start_beside("predictor-node", Role::Predictor, settings.predictor.as_ref())?;
+        let traffic = self.start_beside("traffic-node", Role::Traffic, traffic)?;
+        // All start side by side; then all are waited for.
         self.wait_for(&planner, process)?;
-        let mut seats = Seats { planner, predictor: None };
-        if let Some((process, seat)) = predictor {
+        let mut seated = |started: Option<(Process, Seat)>| -> Result<Option<Seat>, String> {
+            let Some((process, seat)) = started else { return Ok(None) };
             self.wait_for(&seat, Some(process))?;
-            seats.predictor = Some(seat);
-        }
-        self.seats = Some(seats);
+            Ok(Some(seat))
+        };
+        let (predictor, traffic) = (seated(predictor)?, seated(traffic)?);
+        self.seats = Some(Seats { planner, predictor, traffic });
         Ok(())
+    }
+
+    /// Starts a node beside the planner, if there is one, at a seat of its own.
+    fn start_beside(&self, program: &str, role: Role, node: Option<&Node>) -> Result<Option<(Process, Seat)>, String> {
+        let Some(node) = node else { return Ok(None) };
+        let seat = self.seat(role)?;
+        let process = match &node.command {
+            None => self.start_node(program, role, node, &seat)?,
+            Some(command) => self.start_own(role, command, &seat)?,
+        };
+        Ok(Some((process, seat)))
     }
 
     fn seat(&self, role: Role) -> Result<Seat, String> {
@@ -218,6 +226,7 @@ impl Worker<'_> {
                 let protocol = &shared.file.settings.protocol;
                 let mut part = match begun {
                     Err(NotBegun::Undrivable(error)) => self.without_drive(error.end(&scene, protocol)),
+                    Err(NotBegun::Setting(error)) => return Some(Event::Broken(error.to_string())),
                     Err(NotBegun::Scene(error)) => self.unreadable(id.as_str(), &error.to_string()),
                     Err(NotBegun::Lead(error)) => return Some(Event::Broken(error.to_string())),
                     Ok(begun) => self.drive_episode(begun, recorder)?,

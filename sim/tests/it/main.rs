@@ -97,6 +97,16 @@ fn help_says_what_can_be_typed() {
           --planner <WHICH>              A planner that you start yourself, with --worker '*' and the
                                          endpoint, run and secret that the sim prints [possible values:
                                          external]
+          --traffic <NAME>               Agents that react under `strict`, instead of doing what they
+                                         did in the log (docs/traffic.md) [default: none] [possible
+                                         values: none, idm, waymax, cautious, assertive, distracted,
+                                         mixed]
+          --traffic-command <COMMAND>    Traffic of your own: a shell command, as --planner-command,
+                                         that says where the agents are next that react
+          --traffic-seed <N>             What is drawn about agents that react is drawn from this
+                                         [default: 0]
+          --traffic-set <KEY=VALUE>      Who is taken over from the log: radius=60 or left-log=1 (m), or
+                                         pedestrians=replayed or stop
           --label <NAME>                 What tables call the driver [default: its name]
           --protocol <PROTOCOL>          The rules of an episode [default: strict] [possible values:
                                          strict, paper]

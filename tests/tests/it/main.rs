@@ -69,5 +69,6 @@ mod serve;
 mod shards;
 mod side_by_side;
 mod stage;
+mod traffic;
 mod validity;
 mod view;

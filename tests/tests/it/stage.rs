@@ -39,7 +39,7 @@ parameters = { traffic = 0.2, parked = 0.1, people = 0.5 }
 /// A program of the workspace, as it was built with this test.
 pub fn program(name: &str) -> PathBuf {
     let target = std::env::current_exe().unwrap().ancestors().nth(2).unwrap().to_owned();
-    let path = if ["liar", "follow_the_line"].contains(&name) {
+    let path = if ["liar", "follow_the_line", "rogue_traffic"].contains(&name) {
         target.join("examples").join(name)
     } else {
         target.join(name)

@@ -102,7 +102,7 @@ impl From<&Area> for proto::Area {
     }
 }
 
-fn columns(points: &[Point3]) -> proto::Polyline {
+pub(super) fn columns(points: &[Point3]) -> proto::Polyline {
     proto::Polyline {
         x: points.iter().map(|p| p.x).collect(),
         y: points.iter().map(|p| p.y).collect(),
@@ -193,7 +193,7 @@ fn point(x: f64, y: f64, z: f64) -> Point3 {
     Point3 { x: unsigned(x), y: unsigned(y), z: unsigned(z) }
 }
 
-fn points(field: &str, polyline: Option<proto::Polyline>) -> Checked<Vec<Point3>> {
+pub(super) fn points(field: &str, polyline: Option<proto::Polyline>) -> Checked<Vec<Point3>> {
     let line = required(field, polyline)?;
     let check = || {
         same_length("y", line.x.len(), line.y.len())?;

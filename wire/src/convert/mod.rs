@@ -8,6 +8,7 @@
 //! | `scene` | the briefing (message `Scene`) and the reference line |
 //! | `observation` | observations |
 //! | `answers` | plans and predictions |
+//! | `traffic` | who reacts, and where they are next |
 //! | `packed` | predictions, read fast |
 //! | [`compact`] | predictions, as recordings hold them |
 
@@ -20,11 +21,13 @@ mod packed;
 mod scene;
 #[cfg(test)]
 mod tests;
+mod traffic;
 
 pub use observation::{by_number, observation};
 pub use packed::prediction;
 pub use scene::reference_line;
 use thiserror::Error;
+pub use traffic::{KnownWays, taken_agents};
 
 use crate::proto;
 
@@ -217,6 +220,8 @@ messages! {
     Prediction: MAX_MESSAGE_BYTES,
     Plan: 256 * KIB,
     StepRecord: 16 * KIB,
+    TakenAgents: MAX_MESSAGE_BYTES,
+    TrafficMoves: 4 * MIB,
     Event: 64 * KIB,
     EpisodeEnd: 256 * KIB,
     RunInfo: 4 * MIB,

@@ -9,6 +9,7 @@ use prost::Message as _;
 use world::observation::{Briefing, Observation};
 use world::plan::{Plan, UncheckedPlan};
 use world::scene::SceneId;
+use world::traffic::{Taken, UncheckedMoves};
 use zenoh::Wait;
 use zenoh::bytes::ZBytes;
 use zenoh::pubsub::Publisher;
@@ -32,6 +33,8 @@ pub struct Cast<'a> {
     pub planner: &'a Seat,
     /// Answers with predictions, if the driver has one.
     pub predictor: Option<&'a Seat>,
+    /// Drives the agents that react, if any do.
+    pub traffic: Option<&'a Seat>,
     /// Writes it down, if somebody does.
     pub recorder: Option<&'a Seat>,
 }
@@ -58,7 +61,7 @@ pub struct EpisodeLine {
     scene: SceneId,
     /// Its number: answers say it, lest a late one is taken for that of another episode.
     episode: u64,
-    /// Planner, predictor, recorder, as far as there are such.
+    /// Planner, predictor, traffic, recorder, as far as there are such.
     cast: Vec<Member>,
     expects_prediction: bool,
     incoming: Receiver<Incoming>,
@@ -74,7 +77,7 @@ impl EpisodeLine {
         shared: &Arc<Shared>,
         worker: &Worker,
         scene: &SceneId,
-        [planner, predictor, recorder]: [Option<&Seat>; 3],
+        [planner, predictor, traffic, recorder]: [Option<&Seat>; 4],
     ) -> Result<Self, LineError> {
         let (inbox, incoming) = Inbox::open();
         let mut line = Self {
@@ -89,7 +92,7 @@ impl EpisodeLine {
             counts: proto::Recorded::default(),
             digest: shared.tape.is_heard().then(Digest::default),
         };
-        for seat in [planner, predictor, recorder].into_iter().flatten() {
+        for seat in [planner, predictor, traffic, recorder].into_iter().flatten() {
             let seat = Arc::clone(seat.inner());
             if !seat.listen(worker, &line.inbox) {
                 return Err(LineError::Busy { scene: scene.clone(), worker: worker.clone() });
@@ -132,6 +135,7 @@ impl EpisodeLine {
                 Channel::Observation => self.counts.observations += 1,
                 Channel::Prediction => self.counts.predictions += 1,
                 Channel::Plan => self.counts.plans += 1,
+                Channel::Moves => self.counts.moves += 1,
                 _ => {}
             }
         }
@@ -145,9 +149,7 @@ impl EpisodeLine {
         deadline: Duration,
         told: &mut Vec<(Channel, ZBytes)>,
     ) -> Result<Answers, LineError> {
-        while let Ok(incoming) = self.incoming.try_recv() {
-            self.expect_nothing(incoming)?;
-        }
+        self.expect_silence()?;
         // A planner is told the observation together with what is predicted of it: so it is woken once.
         let first = if self.expects_prediction { Role::Predictor } else { Role::Planner };
         self.tell_node(first, Telling::Observation, observation)?;
@@ -206,6 +208,14 @@ impl EpisodeLine {
         Err(LineError::BadAnswer { role, error: MessageError::OtherEpisode { expected, got } })
     }
 
+    /// What has come before anything is asked.
+    fn expect_silence(&self) -> Result<(), LineError> {
+        while let Ok(incoming) = self.incoming.try_recv() {
+            self.expect_nothing(incoming)?;
+        }
+        Ok(())
+    }
+
     /// What comes while nothing is asked.
     fn expect_nothing(&self, incoming: Incoming) -> Result<(), LineError> {
         match incoming {
@@ -237,6 +247,7 @@ impl EpisodeLine {
             ("predictions", told.predictions, recorded.predictions),
             ("records", told.records, recorded.records),
             ("events", told.events, recorded.events),
+            ("moves", told.moves, recorded.moves),
         ];
         match counts.into_iter().find(|(_, sent, arrived)| sent != arrived) {
             None if self.digest.as_ref().is_none_or(|digest| recorded.digest != digest.to_bytes()) => {
@@ -297,13 +308,15 @@ impl EpisodeLine {
         }
     }
 
-    /// Planner and predictor, and what tells them.
+    /// Who answers, and what tells them.
     fn tellers(&self) -> impl Iterator<Item = (Role, &Publisher<'static>)> {
         self.cast.iter().filter_map(|member| member.teller.as_deref().map(|teller| (member.seat.role, teller)))
     }
 
     fn tell_nodes(&self, telling: Telling, message: &ZBytes) -> Result<(), LineError> {
-        [Role::Planner, Role::Predictor].into_iter().try_for_each(|role| self.tell_node(role, telling, message))
+        [Role::Planner, Role::Predictor, Role::Traffic]
+            .into_iter()
+            .try_for_each(|role| self.tell_node(role, telling, message))
     }
 
     fn tell_node(&self, to: Role, telling: Telling, message: &ZBytes) -> Result<(), LineError> {
@@ -351,6 +364,41 @@ impl Line for EpisodeLine {
 
     fn led_step(&mut self, observation: &Observation, driven: &Plan, deadline: Duration) -> Result<Answers, LineError> {
         self.ask(observation, deadline, Some(driven))
+    }
+
+    fn moves(
+        &mut self,
+        observation: &Observation,
+        taken: &[Taken],
+        deadline: Duration,
+    ) -> Result<UncheckedMoves, LineError> {
+        self.look_for_nodes()?;
+        self.expect_silence()?;
+        let role = Role::Traffic;
+        let seen = proto::Observation::from(observation).encode_to_vec();
+        self.tell_node(role, Telling::Observation, &seen.into())?;
+        let taken = convert::taken_agents(observation.step, taken).encode_to_vec();
+        self.tell_node(role, Telling::Taken, &taken.into())?;
+        let mut patience = Patience::new(&self.shared.pulse, deadline);
+        loop {
+            let (from, envelope) = match self.receive(&mut patience, role)? {
+                Incoming::Answer(from, envelope) => (from, envelope),
+                other => {
+                    self.expect_nothing(other)?;
+                    continue;
+                }
+            };
+            let bytes = envelope.to_bytes();
+            match self.opened(from, &bytes)? {
+                None => {}
+                Some((Saying::Moves, bytes)) if from == role => {
+                    let message = self::taken::<proto::TrafficMoves>(role, bytes)?;
+                    self.tell_step(vec![(Channel::Moves, bytes.into())], None);
+                    return UncheckedMoves::try_from(message).map_err(LineError::bad(role));
+                }
+                Some((saying, _)) => return Err(LineError::surplus(from, saying)),
+            }
+        }
     }
 
     fn dismiss(&mut self, end: &proto::EpisodeEnd, deadline: Duration) -> Result<(), LineError> {

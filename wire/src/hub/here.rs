@@ -1,4 +1,4 @@
-//! One episode whose planner and predictor are in this process: asked as nodes are, through the same messages and the same checks, but
+//! One episode whose planner, predictor and traffic are in this process: asked as nodes are, through the same messages and the same checks, but
 //! neither bytes nor a bus lie between. What they say is what nodes would have said, and whoever listens in hears the same.
 
 use std::sync::Arc;
@@ -7,15 +7,18 @@ use std::time::Duration;
 use prost::Message as _;
 use world::observation::{Briefing, Observation};
 use world::plan::{Plan, UncheckedPlan, UncheckedPrediction};
+use world::traffic::{Taken, UncheckedMoves};
 use zenoh::bytes::ZBytes;
 
 use super::bus_line::EpisodeLine;
 use super::line::{Answers, Line, counted};
 use super::line_error::LineError;
-use crate::convert::{self, MessageError};
+use crate::convert::{self, KnownWays, MessageError};
 use crate::keys::{Channel, Role};
 use crate::node::desk::guarded;
-use crate::node::{History, Planner, PlannerFactory, Predictor, PredictorFactory, StepInput, bounded};
+use crate::node::{
+    History, Planner, PlannerFactory, Predictor, PredictorFactory, StepInput, Traffic, TrafficFactory, bounded,
+};
 use crate::proto;
 
 /// Who drives in this process. They may be asked for episodes by several threads at once.
@@ -25,6 +28,8 @@ pub struct Minds {
     pub planner: Arc<dyn PlannerFactory>,
     /// Makes its predictor, if the driver has one.
     pub predictor: Option<Arc<dyn PredictorFactory>>,
+    /// Makes who drives the agents that react, if any do.
+    pub traffic: Option<Arc<dyn TrafficFactory>>,
 }
 
 /// The line of an episode that is driven by minds of this process. No deadline holds for them: who waits is who thinks.
@@ -43,6 +48,11 @@ struct Episode {
     history: History,
     planner: Result<Box<dyn Planner>, String>,
     predictor: Option<Result<Box<dyn Predictor>, String>>,
+    traffic: Option<Result<Box<dyn Traffic>, String>>,
+    /// Where agents go that are taken over.
+    ways: KnownWays,
+    /// What traffic has seen, and the others not yet.
+    seen: Option<Observation>,
 }
 
 impl HereLine {
@@ -66,14 +76,16 @@ impl HereLine {
         let step = observation.step;
         let has_tape = self.tape.is_some();
         let nobody = || LineError::NodeLost { role: Role::Planner };
-        let Episode { briefing, history, planner, predictor } = self.episode.as_mut().ok_or_else(nobody)?;
+        let Episode { briefing, history, planner, predictor, seen, .. } = self.episode.as_mut().ok_or_else(nobody)?;
         let message = proto::Observation::from(observation);
         self.counts.observations += 1;
         if has_tape {
             told.push((Channel::Observation, message.encode_to_vec().into()));
         }
-        let seen = convert::observation(message, &briefing.reference_line).map_err(LineError::bad(Role::Planner))?;
-        history.push(&seen);
+        let seen = match seen.take().filter(|seen| seen.step == step) {
+            Some(seen) => seen,
+            None => arrived(message, briefing, history).map_err(LineError::bad(Role::Planner))?,
+        };
         let input = StepInput { briefing, observation: &seen, history, prediction: None };
 
         let mut predicted = None;
@@ -102,6 +114,17 @@ impl HereLine {
     }
 }
 
+/// An observation as it arrives elsewhere.
+fn arrived(
+    message: proto::Observation,
+    briefing: &Briefing,
+    history: &mut History,
+) -> Result<Observation, MessageError> {
+    let seen = convert::observation(message, &briefing.reference_line)?;
+    history.push(&seen);
+    Ok(seen)
+}
+
 /// What `mind` says. Who failed once is not asked again: what it was in the middle of is unknown.
 fn asked<M, T>(mind: &mut Result<M, String>, ask: impl FnOnce(&mut M) -> Result<T, String>) -> Result<T, String> {
     let said = match mind {
@@ -122,11 +145,14 @@ impl Line for HereLine {
         // As it arrives elsewhere.
         let arrived = Briefing::try_from(proto::Scene::from(briefing));
         let briefing = arrived.map_err(|error: MessageError| LineError::BadAnswer { role: Role::Planner, error })?;
-        let predictor = self.minds.predictor.as_ref();
+        let Minds { planner, predictor, traffic } = &self.minds;
         self.episode = Some(Episode {
             history: History::new(&briefing),
-            planner: guarded(|| self.minds.planner.start(&briefing)),
-            predictor: predictor.map(|predictor| guarded(|| predictor.start(&briefing))),
+            planner: guarded(|| planner.start(&briefing)),
+            predictor: predictor.as_ref().map(|predictor| guarded(|| predictor.start(&briefing))),
+            traffic: traffic.as_ref().map(|traffic| guarded(|| traffic.start(&briefing))),
+            ways: KnownWays::default(),
+            seen: None,
             briefing,
         });
         Ok(())
@@ -138,6 +164,26 @@ impl Line for HereLine {
 
     fn led_step(&mut self, observation: &Observation, driven: &Plan, _: Duration) -> Result<Answers, LineError> {
         self.ask(observation, Some(driven))
+    }
+
+    fn moves(&mut self, observation: &Observation, taken: &[Taken], _: Duration) -> Result<UncheckedMoves, LineError> {
+        let (role, step) = (Role::Traffic, observation.step);
+        let nobody = || LineError::NodeLost { role };
+        let Episode { briefing, history, traffic, ways, seen, .. } = self.episode.as_mut().ok_or_else(nobody)?;
+        let traffic = traffic.as_mut().ok_or_else(nobody)?;
+        let now = arrived(observation.into(), briefing, history).map_err(LineError::bad(role))?;
+        let taken = ways.taken(convert::taken_agents(step, taken)).map_err(LineError::bad(role))?;
+        let input = StepInput { briefing, observation: &now, history, prediction: None };
+        let said = asked(traffic, |traffic| {
+            traffic.moves(&input, &taken).and_then(|said| bounded(proto::TrafficMoves::from(&said)))
+        });
+        *seen = Some(now);
+        let message = said.unwrap_or_else(|error| proto::TrafficMoves { step, error, ..Default::default() });
+        self.counts.moves += 1;
+        if let Some(tape) = &mut self.tape {
+            tape.tell_step(vec![(Channel::Moves, message.encode_to_vec().into())], None);
+        }
+        UncheckedMoves::try_from(message).map_err(LineError::bad(role))
     }
 
     fn dismiss(&mut self, _: &proto::EpisodeEnd, _: Duration) -> Result<(), LineError> {

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use world::observation::{Briefing, Observation};
 use world::plan::{Plan, UncheckedPlan, UncheckedPrediction};
+use world::traffic::{Taken, UncheckedMoves};
 
 use super::line_error::LineError;
 use crate::proto;
@@ -32,6 +33,18 @@ pub trait Line {
     /// # Errors
     /// As [`Line::step`].
     fn led_step(&mut self, observation: &Observation, driven: &Plan, deadline: Duration) -> Result<Answers, LineError>;
+
+    /// Tells who drives the agents that react what is seen, and who is taken over, and waits until it says where they are next, at most
+    /// `deadline`. Before [`Line::step`], at each step of a drive whose agents react, be it that nobody is taken over yet.
+    ///
+    /// # Errors
+    /// As [`Line::step`].
+    fn moves(
+        &mut self,
+        observation: &Observation,
+        taken: &[Taken],
+        deadline: Duration,
+    ) -> Result<UncheckedMoves, LineError>;
 
     /// Tells the nodes how the episode ended, and waits until each has said that it is done: with that, all that it ever said
     /// is here.
@@ -72,6 +85,7 @@ pub(super) fn counted(end: proto::EpisodeEnd, counts: &proto::Recorded) -> proto
         predictions: counts.predictions,
         records: counts.records,
         events: counts.events,
+        moves: counts.moves,
         ..end
     }
 }

@@ -93,6 +93,7 @@ impl LineError {
         let what = match saying {
             Saying::Plan => "one plan too many",
             Saying::Prediction => "one prediction too many",
+            Saying::Moves => "moves once too often",
             Saying::Done => "that it is done, before the end",
         };
         Self::Surplus { role, what: what.to_owned() }

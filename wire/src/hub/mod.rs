@@ -7,7 +7,7 @@
 //! | `seat.rs` | what is said at a seat |
 //! | `line.rs`, `line_error.rs` | one episode: an observation is told, its answers come; why there is none |
 //! | `bus_line.rs` | over the bus |
-//! | `here.rs` | to a planner and a predictor of this process |
+//! | `here.rs` | to nodes' minds in this process |
 //! | `inbox.rs` | what arrives for a line, and how long it is waited for |
 //! | `tape.rs` | all that happens, for the recorder |
 //!
@@ -281,7 +281,12 @@ impl Hub {
     /// # Errors
     /// [`LineError::Busy`] where this worker has an episode on, [`LineError::Bus`] where the session is closed.
     pub fn episode(&self, worker: &Worker, scene: &SceneId, cast: Cast<'_>) -> Result<EpisodeLine, LineError> {
-        EpisodeLine::open(&self.shared, worker, scene, [Some(cast.planner), cast.predictor, cast.recorder])
+        EpisodeLine::open(
+            &self.shared,
+            worker,
+            scene,
+            [Some(cast.planner), cast.predictor, cast.traffic, cast.recorder],
+        )
     }
 
     /// A line without planner or predictor, which tells the recorder and whoever else listens in what [`HereLine`] says.
@@ -289,7 +294,7 @@ impl Hub {
     /// # Errors
     /// As [`Hub::episode`].
     pub fn tape(&self, worker: &Worker, scene: &SceneId, recorder: Option<&Seat>) -> Result<EpisodeLine, LineError> {
-        EpisodeLine::open(&self.shared, worker, scene, [None, None, recorder])
+        EpisodeLine::open(&self.shared, worker, scene, [None, None, None, recorder])
     }
 
     /// Ends the session; nodes leave when they see it.

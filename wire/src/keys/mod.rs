@@ -165,6 +165,8 @@ pub enum Channel {
     Prediction,
     /// `Plan`, from a planner.
     Plan,
+    /// `TrafficMoves`, from who drives agents that react.
+    Moves,
     /// `StepRecord`, from the sim.
     Record,
     /// `Event`, from the sim.
@@ -177,11 +179,12 @@ pub enum Channel {
 
 impl Channel {
     /// All of them.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Scene,
         Self::Observation,
         Self::Prediction,
         Self::Plan,
+        Self::Moves,
         Self::Record,
         Self::Event,
         Self::End,
@@ -200,6 +203,7 @@ impl Channel {
             Self::Observation => "observation",
             Self::Prediction => "prediction",
             Self::Plan => "plan",
+            Self::Moves => "moves",
             Self::Record => "record",
             Self::Event => "event",
             Self::End => "end",
@@ -217,12 +221,14 @@ pub enum Role {
     Planner,
     /// Answers observations with predictions.
     Predictor,
+    /// Answers observations with where the agents are next that react.
+    Traffic,
     /// Writes episodes down.
     Recorder,
 }
 
 impl Role {
-    const ALL: [Self; 4] = [Self::Sim, Self::Planner, Self::Predictor, Self::Recorder];
+    const ALL: [Self; 5] = [Self::Sim, Self::Planner, Self::Predictor, Self::Traffic, Self::Recorder];
 
     /// What a node of this role answers with; none for the sim.
     #[must_use]
@@ -231,6 +237,7 @@ impl Role {
             Self::Sim => None,
             Self::Planner => Some(Channel::Plan),
             Self::Predictor => Some(Channel::Prediction),
+            Self::Traffic => Some(Channel::Moves),
             Self::Recorder => Some(Channel::Recorded),
         }
     }
@@ -242,6 +249,7 @@ impl fmt::Display for Role {
             Self::Sim => "sim",
             Self::Planner => "planner",
             Self::Predictor => "predictor",
+            Self::Traffic => "traffic",
             Self::Recorder => "recorder",
         })
     }

@@ -8,20 +8,29 @@ use std::sync::Arc;
 use world::observation::{Briefing, Observation};
 use world::plan::{Prediction, UncheckedPrediction};
 use world::scene::SceneId;
+use world::traffic::Taken;
 
 use super::{History, StepInput};
-use crate::convert::{self, MessageError, decode};
+use crate::convert::{self, KnownWays, MessageError, decode};
 use crate::envelope::{Saying, Telling};
 use crate::keys::{Channel, Role};
 use crate::{WIRE_VERSION, proto};
 
-/// What answers an episode's observations: a planner or a predictor. Its answer is already a message.
-pub(super) type Mind = Box<dyn FnMut(&StepInput<'_>) -> Result<Vec<u8>, String> + Send>;
+/// What answers an episode's observations: a planner, a predictor, or traffic, which is told whom it drives. Its answer is already a message.
+pub(super) type Mind = Box<dyn FnMut(&StepInput<'_>, &[Taken]) -> Result<Vec<u8>, String> + Send>;
 
-/// What a planner node and a predictor node do differently.
+/// What an answer waits for beside the observation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Needs {
+    Nothing,
+    Prediction,
+    Taken,
+}
+
+/// What nodes of different roles do differently.
 pub(super) trait Service: Send + Sync {
     fn role(&self) -> Role;
-    fn needs_prediction(&self) -> bool;
+    fn needs(&self) -> Needs;
     fn start(&self, briefing: &Briefing) -> Result<Mind, String>;
     /// The message that says why there is no answer.
     fn refusal(&self, step: u32, error: String) -> Vec<u8>;
@@ -40,9 +49,13 @@ struct Episode {
     scene: Option<SceneId>,
     /// Or why it cannot be driven: then every observation is answered with that.
     mind: Result<(Briefing, History, Mind), String>,
-    /// Whichever of the two comes first waits for the other.
+    /// Whichever comes first waits for the other.
     observation: Option<Observation>,
     prediction: Option<Prediction>,
+    /// Who is taken over at a step.
+    taken: Option<(u32, Vec<Taken>)>,
+    /// Where they go.
+    ways: KnownWays,
 }
 
 impl Desk {
@@ -52,7 +65,11 @@ impl Desk {
 
     /// The channel that the answers belong on.
     pub(super) fn channel(&self) -> Channel {
-        if self.service.role() == Role::Predictor { Channel::Prediction } else { Channel::Plan }
+        match self.saying() {
+            Saying::Prediction => Channel::Prediction,
+            Saying::Moves => Channel::Moves,
+            Saying::Plan | Saying::Done => Channel::Plan,
+        }
     }
 
     /// Takes in what the simulator tells of episode `number`; gives the answer, where one is due.
@@ -64,7 +81,8 @@ impl Desk {
             Telling::Scene => self.start(number, bytes),
             Telling::Observation => return self.observe(number, bytes),
             Telling::Prediction if is_on => return self.predicted(bytes),
-            Telling::Prediction => {}
+            Telling::Taken if is_on => return self.taken(bytes),
+            Telling::Prediction | Telling::Taken => {}
             Telling::End => {
                 if is_on {
                     self.episode = None;
@@ -84,7 +102,15 @@ impl Desk {
             let history = History::new(&briefing);
             Ok((briefing, history, mind))
         });
-        let episode = Episode { number, scene, mind, observation: None, prediction: None };
+        let episode = Episode {
+            number,
+            scene,
+            mind,
+            observation: None,
+            prediction: None,
+            taken: None,
+            ways: KnownWays::default(),
+        };
         if let Err(error) = &episode.mind {
             tracing::error!("{episode}: {error}");
         }
@@ -133,19 +159,41 @@ impl Desk {
         }
     }
 
+    fn taken(&mut self, bytes: &[u8]) -> Option<(Saying, Vec<u8>)> {
+        let episode = self.episode.as_mut()?;
+        let read = decode::<proto::TakenAgents>(bytes);
+        let read = read.and_then(|message| Ok((message.step, episode.ways.taken(message)?)));
+        match read {
+            Ok(taken) => {
+                episode.taken = Some(taken);
+                self.answer()
+            }
+            Err(e) => {
+                let step = episode.observation.take()?.step;
+                Some(self.refuse(step, format!("it cannot be read who is taken over: {e}")))
+            }
+        }
+    }
+
     /// The answer, once all that it needs is there.
     fn answer(&mut self) -> Option<(Saying, Vec<u8>)> {
-        let needs_prediction = self.service.needs_prediction();
+        let needs = self.service.needs();
         let episode = self.episode.as_mut()?;
         let step = episode.observation.as_ref()?.step;
         let Ok((briefing, history, mind)) = &mut episode.mind else { return None };
-        if needs_prediction && episode.prediction.as_ref().is_none_or(|prediction| prediction.step() != step) {
+        let is_there = match needs {
+            Needs::Nothing => true,
+            Needs::Prediction => episode.prediction.as_ref().is_some_and(|prediction| prediction.step() == step),
+            Needs::Taken => episode.taken.as_ref().is_some_and(|(of, _)| *of == step),
+        };
+        if !is_there {
             return None;
         }
         let observation = episode.observation.take()?;
         let prediction = episode.prediction.take();
+        let taken = episode.taken.take().map(|(_, taken)| taken).unwrap_or_default();
         let input = StepInput { briefing, observation: &observation, history, prediction: prediction.as_ref() };
-        match guarded(|| mind(&input)) {
+        match guarded(|| mind(&input, &taken)) {
             Ok(answer) => Some((self.saying(), answer)),
             Err(error) => {
                 // What it was in the middle of is unknown: it is not asked again.
@@ -157,7 +205,11 @@ impl Desk {
     }
 
     fn saying(&self) -> Saying {
-        if self.service.role() == Role::Predictor { Saying::Prediction } else { Saying::Plan }
+        match self.service.role() {
+            Role::Predictor => Saying::Prediction,
+            Role::Traffic => Saying::Moves,
+            Role::Sim | Role::Planner | Role::Recorder => Saying::Plan,
+        }
     }
 
     fn refuse(&self, step: u32, error: String) -> (Saying, Vec<u8>) {

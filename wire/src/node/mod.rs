@@ -1,5 +1,6 @@
 //! To write a planner or a predictor: implement [`Planner`] and [`PlannerFactory`] (or [`Predictor`] and
-//! [`PredictorFactory`]) and call [`serve_planner`] (or [`serve_predictor`]). The rest is done here: the session, the
+//! [`PredictorFactory`]) and call [`serve_planner`] (or [`serve_predictor`]). Who drives agents that react implements [`Traffic`] and
+//! [`TrafficFactory`], and calls [`serve_traffic`]. The rest is done here: the session, the
 //! barrier, one thread for each worker, the agents' history, an honest refusal where the planner fails or panics, and a
 //! clean end when the run ends.
 //!
@@ -21,12 +22,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use prost::Message as _;
 use world::observation::{Briefing, Observation};
 use world::plan::{Prediction, UncheckedPlan, UncheckedPrediction};
+use world::traffic::{Taken, UncheckedMoves};
 use zenoh::bytes::ZBytes;
 use zenoh::pubsub::Publisher;
 use zenoh::{Session, Wait};
 
 pub use connection::{Connection, NodeError, Options, Stop, Voice};
-use desk::{Desk, Mind, Service};
+use desk::{Desk, Mind, Needs, Service};
 pub use history::History;
 
 use crate::convert::Message;
@@ -117,6 +119,38 @@ impl<F: Fn(&Briefing) -> Result<Box<dyn Predictor>, String> + Send + Sync> Predi
     }
 }
 
+/// Drives the agents that react through one episode.
+pub trait Traffic: Send {
+    /// Where each of `taken` is a step later.
+    ///
+    /// # Errors
+    /// A sentence on why that cannot be told; the episode ends as failed with it.
+    fn moves(&mut self, step: &StepInput<'_>, taken: &[Taken]) -> Result<UncheckedMoves, String>;
+}
+
+/// Traffic may be a function, or a closure that keeps what it needs.
+impl<F: FnMut(&StepInput<'_>, &[Taken]) -> Result<UncheckedMoves, String> + Send> Traffic for F {
+    fn moves(&mut self, step: &StepInput<'_>, taken: &[Taken]) -> Result<UncheckedMoves, String> {
+        self(step, taken)
+    }
+}
+
+/// Makes traffic for each episode.
+pub trait TrafficFactory: Send + Sync {
+    /// Traffic for the episode of `briefing`.
+    ///
+    /// # Errors
+    /// A sentence on why there can be none; the episode ends as failed with it.
+    fn start(&self, briefing: &Briefing) -> Result<Box<dyn Traffic>, String>;
+}
+
+/// What makes traffic may be a closure.
+impl<F: Fn(&Briefing) -> Result<Box<dyn Traffic>, String> + Send + Sync> TrafficFactory for F {
+    fn start(&self, briefing: &Briefing) -> Result<Box<dyn Traffic>, String> {
+        self(briefing)
+    }
+}
+
 /// Answers observations with plans until the run ends or the node is told to stop.
 ///
 /// # Errors
@@ -133,6 +167,14 @@ pub fn serve_predictor(options: &Options, factory: Arc<dyn PredictorFactory>) ->
     serve(options, Arc::new(Predictors(factory)))
 }
 
+/// Answers observations with where the agents are next that react, until the run ends or the node is told to stop.
+///
+/// # Errors
+/// [`NodeError`] where the run cannot be joined.
+pub fn serve_traffic(options: &Options, factory: Arc<dyn TrafficFactory>) -> Result<Stop, NodeError> {
+    serve(options, Arc::new(Traffics(factory)))
+}
+
 struct Planners(Arc<dyn PlannerFactory>);
 
 impl Service for Planners {
@@ -140,13 +182,13 @@ impl Service for Planners {
         Role::Planner
     }
 
-    fn needs_prediction(&self) -> bool {
-        self.0.needs_prediction()
+    fn needs(&self) -> Needs {
+        if self.0.needs_prediction() { Needs::Prediction } else { Needs::Nothing }
     }
 
     fn start(&self, briefing: &Briefing) -> Result<Mind, String> {
         let mut planner = self.0.start(briefing)?;
-        Ok(Box::new(move |step| planner.plan(step).and_then(|plan| encoded(proto::Plan::from(&plan)))))
+        Ok(Box::new(move |step, _| planner.plan(step).and_then(|plan| encoded(proto::Plan::from(&plan)))))
     }
 
     fn refusal(&self, step: u32, error: String) -> Vec<u8> {
@@ -161,17 +203,40 @@ impl Service for Predictors {
         Role::Predictor
     }
 
-    fn needs_prediction(&self) -> bool {
-        false
+    fn needs(&self) -> Needs {
+        Needs::Nothing
     }
 
     fn start(&self, briefing: &Briefing) -> Result<Mind, String> {
         let mut predictor = self.0.start(briefing)?;
-        Ok(Box::new(move |step| predictor.predict(step).and_then(|p| encoded(proto::Prediction::from(&p)))))
+        Ok(Box::new(move |step, _| predictor.predict(step).and_then(|p| encoded(proto::Prediction::from(&p)))))
     }
 
     fn refusal(&self, step: u32, error: String) -> Vec<u8> {
         proto::Prediction { step, error, ..Default::default() }.encode_to_vec()
+    }
+}
+
+struct Traffics(Arc<dyn TrafficFactory>);
+
+impl Service for Traffics {
+    fn role(&self) -> Role {
+        Role::Traffic
+    }
+
+    fn needs(&self) -> Needs {
+        Needs::Taken
+    }
+
+    fn start(&self, briefing: &Briefing) -> Result<Mind, String> {
+        let mut traffic = self.0.start(briefing)?;
+        Ok(Box::new(move |step, taken| {
+            traffic.moves(step, taken).and_then(|moves| encoded(proto::TrafficMoves::from(&moves)))
+        }))
+    }
+
+    fn refusal(&self, step: u32, error: String) -> Vec<u8> {
+        proto::TrafficMoves { step, error, ..Default::default() }.encode_to_vec()
     }
 }
 
@@ -192,7 +257,7 @@ fn encoded<M: Message>(message: M) -> Result<Vec<u8>, String> {
 fn serve(options: &Options, service: Arc<dyn Service>) -> Result<Stop, NodeError> {
     let connection = Connection::open(options)?;
     // Said now, or every episode would end in silence at its first deadline.
-    if service.needs_prediction() && !connection.run_info()?.predictor {
+    if service.needs() == Needs::Prediction && !connection.run_info()?.predictor {
         return Err(NodeError::NoPredictor { run: options.run.clone() });
     }
     let role = service.role();

@@ -135,7 +135,7 @@ fn a_stopped_recorder_makes_no_drive_miss_a_deadline() {
 /// Drives an episode; gives the time of its slowest step.
 fn drive(hub: &Hub, planner: &Seat, number: usize) -> Duration {
     let scene = SceneId::new(format!("scene-{number}")).unwrap();
-    let cast = Cast { planner, predictor: None, recorder: None };
+    let cast = Cast { planner, predictor: None, traffic: None, recorder: None };
     let mut line = hub.episode(&Worker::numbered(number), &scene, cast).unwrap();
     let briefing = Briefing {
         scene,

@@ -11,6 +11,7 @@ use wire::proto::{EpisodeEnd, Event, Observation as Seen, Plan as Said, Predicti
 use wire::service::Answer;
 use world::observation::{Briefing, Observation};
 use world::plan::Plan;
+use world::traffic::{Taken, UncheckedMoves};
 
 use crate::run::drive::Driver;
 use crate::run::line::LineDriver;
@@ -162,6 +163,10 @@ impl Driver for Gate<'_, '_> {
         self.post.news.prediction = prediction.map(|prediction| Prediction::from(&prediction.into_unchecked()));
         self.driven.lock().unwrap_or_else(PoisonError::into_inner).push(plan.clone());
         Ok(plan)
+    }
+
+    fn moves(&mut self, observation: &Observation, taken: &[Taken]) -> Result<UncheckedMoves, String> {
+        self.inner.moves(observation, taken)
     }
 
     fn step_done(&mut self, record: &StepRecord, events: &[Event]) {

@@ -110,7 +110,7 @@ fn scene() -> SceneId {
 }
 
 fn alone(planner: &Seat) -> Cast<'_> {
-    Cast { planner, predictor: None, recorder: None }
+    Cast { planner, predictor: None, traffic: None, recorder: None }
 }
 
 fn line(hub: &Hub, cast: Cast<'_>) -> EpisodeLine {
@@ -171,7 +171,7 @@ fn a_planner_hears_what_the_predictor_says_from_the_simulator() {
     let options = options(&hub, "*", Some(&seats[1]));
     let _predictor = std::thread::spawn(move || serve_predictor(&options, Arc::new(Nobody)));
     hub.wait_for_nodes(&[&seats[0], &seats[1]], DEADLINE, &|| false).unwrap();
-    let mut line = line(&hub, Cast { planner: &seats[0], predictor: Some(&seats[1]), recorder: None });
+    let mut line = line(&hub, Cast { planner: &seats[0], predictor: Some(&seats[1]), traffic: None, recorder: None });
     for step in 0..20 {
         let (plan, prediction) = line.step(&observation(step), DEADLINE).unwrap();
         assert_eq!((plan.step, prediction.unwrap().step), (step, step));
@@ -280,7 +280,7 @@ fn a_recording_is_compared_with_what_was_sent() {
     let place = Place::seat(hub.run(), seats[1].secret()).unwrap();
     let _token = session.liveliness().declare_token(recorder.key(&place)).wait().unwrap();
     wait(&hub, &seats[1]);
-    let mut line = line(&hub, Cast { planner: &seats[0], predictor: None, recorder: Some(&seats[1]) });
+    let mut line = line(&hub, Cast { planner: &seats[0], predictor: None, traffic: None, recorder: Some(&seats[1]) });
     line.publish_record(&Default::default());
     let end = line.publish_end(Default::default());
     let (worker, channel) = (Worker::numbered(0), Channel::Recorded);

@@ -1,0 +1,44 @@
+//! What holds in generated scenes, whoever drives.
+
+use std::sync::Arc;
+
+use scenarios::generated::{FAMILIES, Parameters};
+use traffic_node::Cast;
+use traffic_node::character::CASTS;
+use world::scene::Scene;
+
+use crate::stage::{Av, drive_all};
+
+fn scenes(seeds: std::ops::Range<u64>) -> Vec<Arc<Scene>> {
+    let of = |seed: u64| {
+        FAMILIES.iter().filter_map(move |family| {
+            let payload = family.payload(&family.scene_id(seed, 0), seed, 0, &Parameters::default()).ok()?;
+            Some(Arc::new(scenarios::womd::read(&payload).unwrap().0))
+        })
+    };
+    seeds.flat_map(of).collect()
+}
+
+#[test]
+fn an_av_that_does_what_the_human_did_takes_nobody_over() {
+    let count = drive_all(&scenes(0..1), Cast::Idm, Av::Human);
+    assert_eq!((count.taken, count.at_fault, count.from_behind), (0, 0, 0));
+}
+
+fn hold_in(scenes: &[Arc<Scene>]) {
+    for (cast, count) in CASTS.map(|(_, cast)| (cast, drive_all(scenes, cast, Av::BrakesEarly))) {
+        assert!(count.taken > 50, "{}", count.taken);
+        count.check(cast);
+    }
+}
+
+#[test]
+fn nobody_drives_through_anybody_jumps_or_runs_a_red_light() {
+    hold_in(&scenes(0..2));
+}
+
+#[test]
+#[ignore = "minutes: 200 scenes"]
+fn nobody_does_in_200_scenes() {
+    hold_in(&scenes(2..12));
+}
