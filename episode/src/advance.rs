@@ -59,6 +59,8 @@ pub struct Advance {
     pub record: proto::StepRecord,
     /// What happened in the step.
     pub events: Vec<proto::Event>,
+    /// Where the agents are that reacted in the step; nobody in replay.
+    pub moved: proto::TrafficMoves,
     /// Why the episode is over, if it is.
     pub ended: Option<EndReason>,
 }

@@ -12,6 +12,7 @@ use world::scene::bridged::Bridged;
 use world::scene::bridged::{SeenAgent, SeenSignal};
 use world::scene::{AgentState, Scene};
 use world::signal::Signal;
+use world::traffic::{MoveError, Taken, UncheckedMoves};
 use world::vehicle::WHEELBASE;
 
 use crate::advance::{Advance, Undrivable, named};
@@ -19,8 +20,10 @@ use crate::detail::detail;
 use crate::guidance::Guidance;
 use crate::metrics::{self, Counted};
 use crate::paper::{self, Paper};
-use crate::protocol::{Protocol, StrictSettings};
+use crate::protocol::{Protocol, SettingError, StrictSettings};
 use crate::strict::Strict;
+use crate::traffic::TrafficSettings;
+use crate::traffic::company::Company;
 
 /// A finished episode.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,6 +34,8 @@ pub struct Outcome {
     pub records: Vec<proto::StepRecord>,
     /// Everything that happened.
     pub events: Vec<proto::Event>,
+    /// Where those were that reacted, step by step; nothing in replay.
+    pub moved: Vec<proto::TrafficMoves>,
 }
 
 /// One drive through one scene.
@@ -52,6 +57,10 @@ pub struct Episode {
     step: u32,
     records: Vec<proto::StepRecord>,
     events: Vec<proto::Event>,
+    /// Who reacts; none in replay.
+    company: Option<Box<Company>>,
+    /// Where they were, step by step.
+    moved: Vec<proto::TrafficMoves>,
     advance: Advance,
     detail: String,
 }
@@ -199,6 +208,8 @@ impl Episode {
             protocol: protocol.clone(),
             records: Vec::with_capacity(horizon as usize),
             events: Vec::new(),
+            company: None,
+            moved: Vec::new(),
             advance: Advance::default(),
             detail: String::new(),
             step: 0,
@@ -212,6 +223,44 @@ impl Episode {
         })
     }
 
+    /// The same episode with agents that react. They are taken over as [`crate::traffic`] says, and from then on somebody has to say where they
+    /// are: [`Episode::move_traffic`] before each step for which [`Episode::taken`] names anybody.
+    ///
+    /// # Errors
+    /// [`SettingError`] under `paper`, and of a setting that makes no sense.
+    pub fn with_traffic(mut self, settings: &TrafficSettings) -> Result<Self, SettingError> {
+        settings.check()?;
+        let bridged = self.bridged.as_ref().ok_or(SettingError::ReactivePaper)?;
+        self.company = Some(Box::new(Company::new(bridged, settings.clone())));
+        self.hand_over();
+        Ok(self)
+    }
+
+    /// The agents that are taken over for the coming step, in the log's order; nobody in replay.
+    #[must_use]
+    pub fn taken(&self) -> &[Taken] {
+        self.company.as_ref().map_or(&[], |company| company.taken())
+    }
+
+    /// Says where the agents that are taken over are after the coming step.
+    ///
+    /// # Errors
+    /// [`MoveError`] where that is not one move for each of them that a body could make; nothing is changed then.
+    pub fn move_traffic(&mut self, moves: UncheckedMoves) -> Result<(), MoveError> {
+        match &mut self.company {
+            Some(company) => company.tell(self.step, moves),
+            None => moves.check(self.step, &[]).map(drop),
+        }
+    }
+
+    /// Takes over from the log who is due for the coming step.
+    fn hand_over(&mut self) {
+        let log_index = self.log_index();
+        if let (Some(company), Rules::Strict(rules)) = (&mut self.company, &self.rules) {
+            company.hand_over(&rules.sight(self.step, log_index));
+        }
+    }
+
     fn log_index(&self) -> usize {
         (self.start + self.step) as usize
     }
@@ -219,9 +268,11 @@ impl Episode {
     fn agents_at(&self, log_index: usize) -> Vec<ObservedAgent> {
         let others = self.scene.tracks().iter().enumerate().filter(|(index, _)| *index != self.scene.av_index());
         let seen = others.filter_map(|(index, track)| {
-            let SeenAgent { state, unseen } = match &self.bridged {
-                Some(bridged) => bridged.observed(index, log_index)?,
-                None => SeenAgent { state: track.states[log_index]?, unseen: 0 },
+            let reacting = self.company.as_ref().filter(|_| log_index == self.log_index());
+            let SeenAgent { state, unseen } = match (reacting.and_then(|company| company.seen(index)), &self.bridged) {
+                (Some(reacting), _) => reacting?,
+                (None, Some(bridged)) => bridged.observed(index, log_index)?,
+                (None, None) => SeenAgent { state: track.states[log_index]?, unseen: 0 },
             };
             Some(ObservedAgent { track: track.id, kind: track.kind, state, unseen })
         });
@@ -347,11 +398,26 @@ impl Episode {
             plan_taken_up_us: guidance.map_or(0, |guidance| guidance.since_us),
             ..proto::StepRecord::default()
         };
+        if let (Some(company), Rules::Strict(rules)) = (&mut self.company, &mut self.rules) {
+            match company.arrive(self.step, log_index, rules.traffic_mut()) {
+                Ok(moved) => {
+                    self.advance.record.reactive = moved.agents.len() as u32;
+                    self.moved.push(moved.clone());
+                    self.advance.moved = moved;
+                }
+                Err(agents) => {
+                    let step = self.step;
+                    return self
+                        .fail(format!("nobody said where the {agents} agents that react are after step {step}"));
+                }
+            }
+        }
         let ended = self.rules.judge(&self.scene, log_index, &mut self.advance);
         if ended == Some(EndReason::RouteLost) {
             self.detail = RouteError::NoLane { log_index }.to_string();
         }
         self.step += 1;
+        self.hand_over();
         self.advance.ended = ended.or_else(|| self.end_of_time());
         if self.detail.is_empty() {
             self.detail = detail(&self.advance, self.step, self.most_steps);
@@ -433,6 +499,6 @@ impl Episode {
             events: self.events.len() as u32,
             ..proto::EpisodeEnd::default()
         };
-        Outcome { end, records: self.records.clone(), events: self.events.clone() }
+        Outcome { end, records: self.records.clone(), events: self.events.clone(), moved: self.moved.clone() }
     }
 }

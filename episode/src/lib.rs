@@ -22,6 +22,7 @@
 //! | [`tracker`] | from a plan's states to the control that is driven |
 //! | [`judges`] | what is wrong at a step: collision, route, road, signals, direction, speed |
 //! | [`metrics`] | what a drive was worth, by name and unit |
+//! | [`traffic`] | agents that react, instead of doing what they did in the log |
 //! | [`driver`] | driving an episode in one process |
 
 mod advance;
@@ -36,6 +37,7 @@ pub mod paper;
 pub mod protocol;
 pub mod strict;
 pub mod tracker;
+pub mod traffic;
 
 pub use advance::{Advance, Undrivable};
 pub use episode::{Episode, Outcome};

@@ -217,6 +217,8 @@ pub enum SettingError {
     Value { setting: &'static str, value: f64, needed: &'static str },
     #[error("--set {change}: {reason}\nhint: docs/running.md lists what can be set")]
     Change { change: String, reason: String },
+    #[error("agents that react need the protocol strict: paper is the authors' simulator, which replays the log")]
+    ReactivePaper,
 }
 
 fn positive(setting: &'static str, value: f64) -> Result<f64, SettingError> {

@@ -55,6 +55,11 @@ pub enum DrivesError {
     OtherScene { run: PathBuf, scene: String },
     #[error("steps.parquet of {} has rows of {scene}, which is not its next scene", run.display())]
     Order { run: PathBuf, scene: String },
+    #[error(
+        "the agents of {} reacted (traffic {name}), and steps.parquet does not hold where they were\nhint: its own figures, judged while it was driven, are in results.parquet: `sim table`",
+        run.display()
+    )]
+    Reactive { run: PathBuf, name: String },
     #[error("step {step} of {scene} in {}: {column} is none", run.display())]
     NoPlace { run: PathBuf, scene: String, step: usize, column: &'static str },
 }
@@ -166,6 +171,10 @@ impl Run {
         is_wanted: impl Fn(usize) -> bool,
         judge: impl Fn(usize, Option<&Driven>) -> Option<T> + Sync,
     ) -> Result<Vec<T>, DrivesError> {
+        // Judged among agents that do what they did in the log it would be another drive.
+        if let Some(traffic) = &self.file.settings.traffic {
+            return Err(DrivesError::Reactive { run: self.folder.clone(), name: traffic.name.clone() });
+        }
         let Some(scenes) = &self.scenes else {
             return Self::open(&self.folder, &[])?.walk(columns, is_wanted, judge);
         };

@@ -53,6 +53,7 @@ fn run_over(inputs: &[String], root: &Path, protocol: &str, finish: bool) -> Pat
             predictor: None,
             latency: None,
             fork: None,
+            traffic: None,
             protocol: toml::from_str(&format!("name = \"{protocol}\"")).unwrap(),
         },
         build: Build { version: "0.1.0".to_owned(), git_revision: "0123456789ab".to_owned(), wire_version: 2 },
@@ -98,6 +99,18 @@ fn run(root: &Path, protocol: &str, finish: bool) -> PathBuf {
 fn write_a_run_to_measure() {
     let [scenes, out] = ["SCORE_SCENES", "SCORE_RUN"].map(|name| std::env::var(name).unwrap());
     run_over(&[scenes], Path::new(&out), "strict", true);
+}
+
+#[test]
+fn a_run_whose_agents_reacted_is_not_judged_among_agents_that_did_not() {
+    let root = tempfile::tempdir().unwrap();
+    let folder = run(root.path(), "strict", true);
+    let path = folder.join("run.toml");
+    let text = fs::read_to_string(&path).unwrap();
+    let reacting = text.replacen("[build]", "[settings.traffic]\nname = \"idm\"\nseed = 1\n\n[build]", 1);
+    fs::write(&path, reacting).unwrap();
+    let refused = Run::open(&folder, &[]).unwrap().each(&[], |index, _| index).unwrap_err().to_string();
+    assert!(refused.contains("reacted (traffic idm)") && refused.contains("hint: "), "{refused}");
 }
 
 #[test]

@@ -9,6 +9,7 @@ use std::time::Duration;
 use clap::ValueEnum;
 use episode::latency::Latency;
 use episode::protocol::Protocol;
+use episode::traffic::TrafficSettings;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use thiserror::Error;
@@ -58,6 +59,22 @@ pub struct Settings {
     /// Set where another run's drives were taken over.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fork: Option<Fork>,
+    /// Agents that react; none: all do what they did in the log.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub traffic: Option<Traffic>,
+}
+
+/// Agents that react.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Traffic {
+    /// Who drives them.
+    pub name: String,
+    /// What is drawn about them is drawn from this.
+    pub seed: u64,
+    /// Who is taken over from the log.
+    #[serde(default)]
+    pub hand_over: TrafficSettings,
 }
 
 /// From where drives were taken over: up to a step they are those of another run.
@@ -370,6 +387,7 @@ pub(crate) mod tests {
                 protocol: Protocol::default(),
                 latency: None,
                 fork: None,
+                traffic: None,
             },
             build: Build::this(),
             machine: Machine {

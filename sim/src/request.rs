@@ -196,6 +196,7 @@ impl Request {
             protocol,
             latency,
             fork: None,
+            traffic: None,
         };
         let shard = arguments.shard.map(ShardChoice::of_this_process).transpose()?;
         let machine = Machine {

@@ -13,6 +13,7 @@
 //! | [`frenet`] | along the line and beside it |
 //! | [`vehicle`] | how the AV moves: the kinematic bicycle model and its limits |
 //! | [`observation`], [`plan`] | what a driver is told and what it answers |
+//! | [`traffic`] | agents that react: what whoever drives them is told and answers |
 //! | [`trigonometry`] | sines, cosines and tangents of many angles at once |
 //! | [`pcg`] | random numbers that are the same everywhere |
 //! | [`authors_frame`] | states in the AV's frame by the paper's code, to its last bit |
@@ -31,5 +32,6 @@ pub mod route;
 pub mod scene;
 pub mod signal;
 mod spline;
+pub mod traffic;
 pub mod trigonometry;
 pub mod vehicle;

@@ -40,7 +40,9 @@ use crate::reference_line::{ReferenceLine, ReferenceWindow, SAMPLES_BEHIND, WIND
 use crate::scene::Scene;
 use crate::signal::Signal;
 
+pub(crate) use drive::{POSE_SPACING, Place, drive};
 pub use red_stops::{RouteStop, RouteStops};
+pub(crate) use strict::Lanes;
 
 /// How a route is made and what stops on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,10 +72,10 @@ pub const MAX_LENGTH: f64 = 10_000.0;
 
 /// A place on the way, and the lane that it lies on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Waypoint {
-    point: Point3,
+pub(crate) struct Waypoint {
+    pub(crate) point: Point3,
     /// Index in the map's lanes; none off the lanes.
-    lane: Option<usize>,
+    pub(crate) lane: Option<usize>,
 }
 
 /// The lanes to follow and the line along them, with what a step looks up.

@@ -6,7 +6,7 @@
 
 use world::geometry::{OrientedBox, Point};
 use world::plan::STEP_SECONDS;
-use world::scene::AgentKind;
+use world::scene::{AgentKind, AgentState};
 
 use super::Body;
 
@@ -36,6 +36,15 @@ pub struct TrafficAgent {
     pub speed: f64,
     /// It appeared less than a second ago, or was supposed elsewhere: nobody could have reacted to it.
     pub sudden: bool,
+}
+
+impl TrafficAgent {
+    /// Track number `track` in `state`.
+    #[must_use]
+    pub fn of(track: usize, kind: AgentKind, state: &AgentState, sudden: bool) -> Self {
+        let (outline, velocity, speed) = (state.oriented_box(), state.velocity(), state.speed());
+        Self { track, kind, outline, z: state.z, velocity, speed, sudden }
+    }
 }
 
 /// The time (s) to the first overlap of the AV with `agent`, a multiple of 0.1 s from 0.1 to 2.9, if there is one.
@@ -80,7 +89,6 @@ fn overlap_interval(a: &OrientedBox, b: &OrientedBox, velocity: Point) -> Option
 mod tests {
     use proptest::prelude::*;
     use world::geometry::{Pose, boxes_overlap};
-    use world::scene::AgentState;
 
     use super::*;
 

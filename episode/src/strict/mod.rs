@@ -30,12 +30,14 @@ use world::vehicle::{BicycleModel, Limits, VehicleState};
 use self::course::{Course, Reader};
 use self::human::Human;
 use self::referee::{Moment, Referee};
+use self::traffic::Traffic;
 use crate::advance::{Advance, Undrivable, control_between, steering_of};
 use crate::guidance::{Aged, Guidance, STEP_US};
 use crate::judges::Body;
 use crate::metrics::{self, Counted, Drive, Start};
 use crate::protocol::{EndingCollision, Motion, StrictSettings};
 use crate::tracker;
+use crate::traffic::company::Sight;
 
 /// An AV under these rules.
 #[derive(Clone, Debug)]
@@ -114,6 +116,17 @@ impl Strict {
 
     pub(super) fn av(&self) -> &AgentState {
         &self.av.state
+    }
+
+    /// What there is to see when agents are taken over for `step`.
+    pub(super) fn sight(&self, step: u32, log_index: usize) -> Sight<'_> {
+        let (line, sample) = (&*self.course.route.line, self.place.sample);
+        Sight { step, log_index, av: self.av, line, sample, traffic: &self.course.traffic }
+    }
+
+    /// The other road users, as the judges see them.
+    pub(super) fn traffic_mut(&mut self) -> &mut Traffic {
+        &mut self.course.traffic
     }
 
     pub(super) fn control(&self) -> Control {

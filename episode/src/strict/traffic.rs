@@ -19,6 +19,10 @@ pub struct Traffic {
     reach: Vec<f64>,
     agents: Vec<TrafficAgent>,
     tracks: usize,
+    /// Those who react, where they are now, in the log's order.
+    reacting: Vec<TrafficAgent>,
+    /// For each track whether the log no longer says where it is; empty where nobody reacts.
+    is_left: Vec<bool>,
 }
 
 /// Who is seen to be elsewhere by more than this (m) is not seen.
@@ -38,20 +42,12 @@ impl Traffic {
         for step in 0..scene.steps() {
             for (track, logged) in others() {
                 let Some(state) = logged.states[step] else { continue };
-                let outline = state.oriented_box();
-                let speed = state.speed();
+                let sudden = sudden[track].get(step).copied().unwrap_or_default();
+                let agent = TrafficAgent::of(track, logged.kind, &state, sudden);
                 traffic.x.push(state.x);
                 traffic.y.push(state.y);
-                traffic.reach.push(outline.radius() + speed * HORIZON_STEPS as f64 * STEP_SECONDS);
-                traffic.agents.push(TrafficAgent {
-                    track,
-                    kind: logged.kind,
-                    outline,
-                    z: state.z,
-                    velocity: state.velocity(),
-                    speed,
-                    sudden: sudden[track].get(step).copied().unwrap_or_default(),
-                });
+                traffic.reach.push(reach(&agent));
+                traffic.agents.push(agent);
             }
             traffic.starts.push(traffic.agents.len());
         }
@@ -70,17 +66,52 @@ impl Traffic {
         self.starts.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(0)
     }
 
-    /// Calls `visit` with each agent at `log_index` whose reach and `reach` (m) around `center` meet, in the log's order.
+    /// The agents that the log has at `log_index`, in its order.
+    #[must_use]
+    pub fn at(&self, log_index: usize) -> &[TrafficAgent] {
+        let range = self.starts.get(log_index).zip(self.starts.get(log_index + 1));
+        range.map_or(&[], |(from, until)| &self.agents[*from..*until])
+    }
+
+    /// From now on these agents are where they are told to be, in the log's order, and who was one of them before and is no more has left:
+    /// the log says nothing of any of them.
+    pub fn react(&mut self, agents: impl Iterator<Item = TrafficAgent>) {
+        self.is_left.resize(self.tracks, false);
+        self.reacting.clear();
+        self.reacting.extend(agents);
+        self.reacting.iter().for_each(|agent| self.is_left[agent.track] = true);
+    }
+
+    /// From now on track number `track` is nowhere, whatever the log says.
+    pub fn leave(&mut self, track: usize) {
+        self.is_left.resize(self.tracks, false);
+        self.is_left[track] = true;
+    }
+
+    /// Calls `visit` with each agent at `log_index` whose reach and `reach` (m) around `center` meet: those whom the log drives in its order,
+    /// then those who react.
     pub fn for_each_near(&self, log_index: usize, center: Point, reach: f64, mut visit: impl FnMut(&TrafficAgent)) {
         let Some(range) = self.starts.get(log_index).zip(self.starts.get(log_index + 1)) else { return };
         for index in *range.0..*range.1 {
             let (dx, dy) = (self.x[index] - center.x, self.y[index] - center.y);
             let both = self.reach[index] + reach;
-            if dx * dx + dy * dy <= both * both {
-                visit(&self.agents[index]);
+            let agent = &self.agents[index];
+            if dx * dx + dy * dy <= both * both && !self.is_left.get(agent.track).is_some_and(|is_left| *is_left) {
+                visit(agent);
+            }
+        }
+        for agent in &self.reacting {
+            let both = self::reach(agent) + reach;
+            if agent.outline.center.distance_squared(center) <= both * both {
+                visit(agent);
             }
         }
     }
+}
+
+/// How far from its centre an agent may matter within the projection of time to collision (m).
+fn reach(agent: &TrafficAgent) -> f64 {
+    agent.outline.radius() + agent.speed * HORIZON_STEPS as f64 * STEP_SECONDS
 }
 
 /// For each step whether nobody could have reacted to a track: within the last second it was not to be seen, or was supposed to be

@@ -20,6 +20,7 @@ pub fn run_file(scenes: usize) -> RunFile {
         protocol: Protocol::default(),
         latency: None,
         fork: None,
+        traffic: None,
     };
     let machine = Machine {
         parallel: 1,

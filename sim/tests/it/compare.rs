@@ -86,6 +86,7 @@ pub fn finished(root: &Path, name: &str, drives: &[(String, Part)], change: impl
             protocol: toml::from_str("name = \"strict\"").unwrap(),
             latency: None,
             fork: None,
+            traffic: None,
         },
         build: Build { version: "0.1.0".to_owned(), git_revision: "0123456789ab".to_owned(), wire_version: 2 },
         machine: Machine {

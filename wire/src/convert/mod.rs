@@ -8,6 +8,7 @@
 //! | `scene` | the briefing (message `Scene`) and the reference line |
 //! | `observation` | observations |
 //! | `answers` | plans and predictions |
+//! | `traffic` | where agents are that react |
 //! | `packed` | predictions, read fast |
 //! | [`compact`] | predictions, as recordings hold them |
 
@@ -20,6 +21,7 @@ mod packed;
 mod scene;
 #[cfg(test)]
 mod tests;
+mod traffic;
 
 pub use observation::{by_number, observation};
 pub use packed::prediction;
@@ -217,6 +219,7 @@ messages! {
     Prediction: MAX_MESSAGE_BYTES,
     Plan: 256 * KIB,
     StepRecord: 16 * KIB,
+    TrafficMoves: 4 * MIB,
     Event: 64 * KIB,
     EpisodeEnd: 256 * KIB,
     RunInfo: 4 * MIB,

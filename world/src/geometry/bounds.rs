@@ -24,6 +24,7 @@ impl Bounds {
     }
 
     /// The same, larger by `by` metres on each side.
+    #[inline]
     #[must_use]
     pub fn grown(self, by: f64) -> Self {
         let by = Point::new(by, by);
@@ -31,6 +32,7 @@ impl Bounds {
     }
 
     /// Whether a point lies within, borders included.
+    #[inline]
     #[must_use]
     pub fn hold(&self, point: Point) -> bool {
         (self.least.x..=self.greatest.x).contains(&point.x) && (self.least.y..=self.greatest.y).contains(&point.y)

@@ -6,7 +6,7 @@ use crate::map_matching::{LaneMatch, LanePoints};
 use crate::scene::AgentState;
 
 /// The AV must have moved this far (m) for its pose to count anew: where it stands, it says nothing.
-const POSE_SPACING: f64 = 1.0;
+pub(crate) const POSE_SPACING: f64 = 1.0;
 
 /// A lane within this distance (m) and heading (rad) may be the one driven on.
 const SEARCH_RADIUS: f64 = 5.0;
@@ -36,14 +36,14 @@ const JUMP: f64 = 30.0;
 
 /// A pose of the drive and the lane chosen for it.
 #[derive(Clone, Copy)]
-pub(super) struct Place {
-    pub(super) pose: Pose,
+pub(crate) struct Place {
+    pub(crate) pose: Pose,
     /// Height of the ground under it (m).
-    pub(super) ground: f64,
+    pub(crate) ground: f64,
     /// Distance driven since the first place (m).
-    pub(super) driven: f64,
+    pub(crate) driven: f64,
     /// None off the lanes.
-    pub(super) lane: Option<LaneMatch>,
+    pub(crate) lane: Option<LaneMatch>,
 }
 
 /// How one place of a drive leads to the next.
@@ -76,7 +76,7 @@ struct Candidate {
 }
 
 /// The drive as places at least [`POSE_SPACING`] apart, each with the lane that the likeliest sequence has there.
-pub(super) fn drive(states: &[Option<AgentState>], graph: &LaneGraph, points: &LanePoints) -> Vec<Place> {
+pub(crate) fn drive(states: &[Option<AgentState>], graph: &LaneGraph, points: &LanePoints) -> Vec<Place> {
     let mut places: Vec<Place> = Vec::new();
     for state in states.iter().flatten() {
         let moved = places.last().map_or(0.0, |last| last.pose.position().distance(state.position()));

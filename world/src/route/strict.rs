@@ -33,24 +33,25 @@ const LONGEST_SKIP: f64 = 100.0;
 
 /// A waypoint and the direction of travel there.
 #[derive(Clone, Copy)]
-struct Mark {
-    waypoint: Waypoint,
+pub(crate) struct Mark {
+    pub(crate) waypoint: Waypoint,
     forward: Point,
 }
 
 /// The map as the walk along its lanes needs it.
-struct Lanes<'a> {
-    map: &'a Map,
-    graph: LaneGraph,
-    points: LanePoints,
+pub(crate) struct Lanes<'a> {
+    pub(crate) map: &'a Map,
+    pub(crate) graph: &'a LaneGraph,
+    pub(crate) points: &'a LanePoints,
 }
 
 /// The waypoints, and the lanes of the route in order, each once in a row.
 pub(super) fn waypoints(scene: &Scene) -> (Vec<Waypoint>, Vec<usize>) {
     let map = scene.map().as_ref();
     let points = LanePoints::new(map, |lane| map.lanes[lane].kind.is_drivable());
-    let lanes = Lanes { map, graph: LaneGraph::new(map), points };
-    let places = drive(&scene.av().states, &lanes.graph, &lanes.points);
+    let graph = LaneGraph::new(map);
+    let lanes = Lanes { map, graph: &graph, points: &points };
+    let places = drive(&scene.av().states, lanes.graph, lanes.points);
     let (Some(first), Some(last)) = (places.first(), places.last()) else {
         return (Vec::new(), Vec::new()); // a checked scene has seen its AV
     };
@@ -74,7 +75,7 @@ impl Lanes<'_> {
     fn along(&self, places: &[Place]) -> Vec<Mark> {
         let margin = |pair: &[Place]| {
             let moved = pair[1].driven - pair[0].driven;
-            match link(&pair[0].lane, &pair[1].lane, moved, &self.graph, &self.points) {
+            match link(&pair[0].lane, &pair[1].lane, moved, self.graph, self.points) {
                 Link::On => None,
                 Link::Leave => Some(LEAVE_MARGIN),
                 Link::Change | Link::Jump => Some(CHANGE_MARGIN),
@@ -127,8 +128,12 @@ impl Lanes<'_> {
     }
 
     /// Marks ahead of the last place, and their lanes; off the lanes a mark straight ahead.
-    fn ahead(&self, last: &Place) -> (Vec<Mark>, Vec<usize>) {
-        let Some(end) = last.lane else { return (vec![straight(last, STRAIGHT)], Vec::new()) };
+    pub(crate) fn ahead(&self, last: &Place) -> (Vec<Mark>, Vec<usize>) {
+        last.lane.map_or_else(|| (vec![straight(last, STRAIGHT)], Vec::new()), |end| self.onward(end))
+    }
+
+    /// Marks at the points of a lane from one of them on, and at those of the lanes that it leads to; and these lanes.
+    pub(crate) fn onward(&self, end: LaneMatch) -> (Vec<Mark>, Vec<usize>) {
         let after = |lane: usize| {
             let linked = self.graph.successors(lane).iter().copied().chain(self.itself(lane));
             self.straightest(linked.map(|to| (to, (lane, to))))

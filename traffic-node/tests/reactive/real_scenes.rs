@@ -1,0 +1,104 @@
+//! The same in real scenes, where they are at hand.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use episode::traffic::TrafficSettings;
+use episode::{Episode, driver};
+use scenarios::SceneSet;
+use traffic_node::character::CASTS;
+use wire::proto::event::{Contact, Kind};
+use world::observation::Observation;
+use world::plan::Plan;
+use world::scene::Scene;
+
+use crate::stage::{Av, Count, Path, drive, plan, protocol};
+
+/// The folder of shared data, if there is one.
+fn shared() -> Option<PathBuf> {
+    let crate_folder = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
+    let places = ["../../shared", "../../../shared"].map(|place| crate_folder.join(place));
+    std::env::var_os("RELOOP_SHARED").map(PathBuf::from).into_iter().chain(places).find(|place| place.is_dir())
+}
+
+fn scenes(folder: &str) -> Vec<Arc<Scene>> {
+    let Some(folder) = shared().map(|shared| shared.join(folder)).filter(|folder| folder.is_dir()) else {
+        eprintln!("skipped: no {folder} in ../shared or RELOOP_SHARED");
+        return Vec::new();
+    };
+    let set = SceneSet::open(&[folder.display().to_string()]).unwrap();
+    (0..set.entries().len()).map(|index| set.load(index).unwrap().0).collect()
+}
+
+struct Alone {
+    scene: Arc<Scene>,
+    path: Path,
+}
+
+impl driver::Driver for Alone {
+    fn plan(&mut self, observation: &Observation) -> Result<Plan, String> {
+        Ok(plan(&self.scene, &mut self.path, Av::BrakesEarly, observation))
+    }
+}
+
+/// Contacts from behind, or while it stands, of an AV that brakes early in replay.
+fn from_behind_in_replay(scene: &Arc<Scene>) -> usize {
+    let Ok(episode) = Episode::new(Arc::clone(scene), &protocol()) else { return 0 };
+    let scene = Arc::clone(episode.judged_scene());
+    let path = Path::of(&scene, episode.observe().log_index as usize);
+    let outcome = driver::drive(episode, &mut Alone { scene, path });
+    let struck = outcome.events.iter().filter(|event| event.kind() == Kind::Collision && !event.netted);
+    struck.filter(|event| !event.at_fault && matches!(event.contact(), Contact::Rear | Contact::Standing)).count()
+}
+
+fn holds_in(folder: &str) {
+    let scenes = scenes(folder);
+    if scenes.is_empty() {
+        return;
+    }
+    let replay: usize = scenes.iter().map(from_behind_in_replay).sum();
+    println!("{folder}: {} scenes; in replay {replay} contacts from behind of an AV that brakes early", scenes.len());
+    let mut counts = Vec::new();
+    for (_, cast) in CASTS {
+        for av in [Av::Human, Av::BrakesEarly] {
+            let mut all = Count::default();
+            for scene in &scenes {
+                let Some((_, count)) = drive(scene, &TrafficSettings::default(), cast, av) else { continue };
+                for ((a, b), step) in &count.overlapping {
+                    println!("    {} {cast}: {a} and {b} overlap at step {step}", scene.id());
+                }
+                all.add(&count);
+            }
+            println!("{cast:10} {av:?}: {}", all.line());
+            counts.push((cast, av, all));
+        }
+    }
+    for (cast, av, all) in counts {
+        {
+            assert!(all.overlaps * 1000 <= all.agent_steps, "{cast}: {}", all.line());
+            let [place, heading, speed] = all.jumps;
+            assert!(place <= 0.05 && heading <= 0.02 && speed <= 0.2, "{cast}: {:?}", all.jumps);
+            assert_eq!(all.red, 0, "{cast}");
+            match av {
+                Av::Human => assert_eq!(all.at_fault, 0, "{cast}"),
+                Av::BrakesEarly => assert!(3 * all.from_behind <= replay, "{cast}: {} of {replay}", all.from_behind),
+            }
+        }
+    }
+}
+
+#[test]
+fn in_scenes_of_20_s_nobody_drives_through_anybody() {
+    holds_in("data/womd-derived/20s");
+}
+
+#[test]
+fn in_scenes_of_9_s_nobody_drives_through_anybody() {
+    holds_in("data/womd-derived/9s");
+}
+
+#[test]
+#[ignore = "minutes: 419 scenes of 9 s"]
+fn in_419_scenes_nobody_drives_through_anybody() {
+    holds_in("data/train-9s");
+}
