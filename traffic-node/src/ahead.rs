@@ -8,7 +8,7 @@ use world::traffic::{Way, WayPlace};
 use crate::collision;
 use crate::gap_acceptance::{Claim, claim, comes_near};
 use crate::idm::{HARDEST_BRAKING, Idm};
-use crate::scenery::{Body, STANDING, Scenery, Who};
+use crate::scenery::{Body, Forecast, STANDING, Scenery, Who};
 
 /// Heights further apart than this (m) are on different levels.
 const STOREY: f64 = 3.0;
@@ -30,7 +30,7 @@ const COURTESY_AHEAD: f64 = 30.0;
 const FASTER: f64 = 1.0;
 
 /// Who goes one's own way, this much farther (m) than somebody who is followed already, is that one's to mind.
-const BEYOND: f64 = 15.0;
+const BEYOND: f64 = 5.0;
 
 /// How far one looks (m), and how much farther for each m/s.
 const SIGHT: f64 = 15.0;
@@ -87,56 +87,74 @@ impl View<'_> {
 
     /// The bounds of the stretch that is looked at.
     fn sight(&self) -> Bounds {
-        let samples = ((SIGHT + SIGHT_SECONDS * self.own.speed) / SPACING) as usize;
+        let samples = ((SIGHT + SIGHT_SECONDS * self.own.speed) * (1.0 / SPACING)) as u32 as usize;
         let points = self.way.points();
         let until = (self.place.sample + samples).min(points.len() - 1);
-        let ends = [points[until], self.own.position];
-        Bounds::of((self.place.sample..until).step_by(STRIDE).map(|sample| points[sample]).chain(ends)).grown(SAG)
+        let Point { x, y } = points[until];
+        let (mut least, mut greatest) = (self.own.position, self.own.position);
+        let mut hold = |x: f64, y: f64| {
+            least = Point::new(least.x.min(x), least.y.min(y));
+            greatest = Point::new(greatest.x.max(x), greatest.y.max(y));
+        };
+        hold(x, y);
+        for stride in points[self.place.sample..until].chunks(STRIDE) {
+            hold(stride[0].x, stride[0].y);
+        }
+        Bounds { least, greatest }.grown(SAG + self.own.half_width + COURTESY)
     }
 
-    /// Looks at everybody.
-    pub(crate) fn ahead(&self, scenery: &Scenery) -> Ahead {
-        let sight = self.sight().grown(self.own.half_width + COURTESY);
-        let mut ahead = Ahead { acceleration: f64::INFINITY, leader: None, aside: (0.0, 0.0) };
-        for (body, forecast) in scenery.bodies.iter().zip(&scenery.forecasts) {
-            if body.track == self.own.track || (body.z - self.own.z).abs() > STOREY {
-                continue;
-            }
-            let offset = body.position - self.own.position;
-            let along = offset.dot(self.own.forward);
-            let is_behind = along < -self.own.half_length - body.half_length;
-            if is_behind && body.velocity.dot(self.own.forward) <= self.own.speed + FASTER {
-                continue; // and stays there
-            }
-            let beyond = ahead.leader.map_or(f64::INFINITY, |(gap, _)| gap + self.own.half_length + BEYOND);
-            if along - body.half_length > beyond && body.forward.dot(self.own.forward) > 0.9 {
-                continue;
-            }
-            let is_seen = !is_behind && sight.grown(body.half_length).hold(body.position);
-            if !is_seen && (body.speed < STANDING || !meet(&sight, &forecast.bounds)) {
-                continue;
-            }
-            let hint = self.place.sample + (along.max(0.0) / SPACING) as usize;
-            let place = self.way.follow(body.position, hint);
-            if is_seen && self.look_at(body, &place, &mut ahead) {
-                continue;
-            }
-            if !comes_near(self, body, &place, forecast) {
-                continue;
-            }
-            if collision::is_imminent(self, body, forecast) {
-                ahead.acceleration = -HARDEST_BRAKING;
-                continue;
-            }
-            match claim(self, body, &place, forecast) {
-                None => {}
-                Some(Claim::Follow { gap, speed }) => ahead.follow(self, gap, speed),
-                Some(Claim::Yield { distance }) => {
-                    ahead.acceleration = ahead.acceleration.min(self.idm.before_a_line(self.own.speed, distance));
+    /// Looks at everybody who may come into what is looked at, from near to far: who is beyond a leader need not be. `near` is room to list them.
+    pub(crate) fn ahead(&self, scenery: &Scenery, near: &mut Vec<(f64, usize)>) -> Ahead {
+        let sight = self.sight();
+        near.clear();
+        for (index, (body, reach)) in scenery.bodies.iter().zip(&scenery.reaches).enumerate() {
+            if meet(&sight, reach) && body.track != self.own.track && (body.z - self.own.z).abs() <= STOREY {
+                let along = (body.position - self.own.position).dot(self.own.forward);
+                let stays_behind =
+                    self.is_behind(body, along) && body.velocity.dot(self.own.forward) <= self.own.speed + FASTER;
+                if !stays_behind {
+                    near.push((along, index));
                 }
             }
         }
+        near.sort_unstable_by(|(a, first), (b, second)| a.total_cmp(b).then(first.cmp(second)));
+        let mut ahead = Ahead { acceleration: f64::INFINITY, leader: None, aside: (0.0, 0.0) };
+        for &(along, index) in near.iter() {
+            self.mind(&scenery.bodies[index], &scenery.forecasts[index], along, &sight, &mut ahead);
+        }
         ahead
+    }
+
+    fn is_behind(&self, body: &Body, along: f64) -> bool {
+        along < -self.own.half_length - body.half_length
+    }
+
+    /// What comes of somebody so far ahead (m).
+    fn mind(&self, body: &Body, forecast: &Forecast, along: f64, sight: &Bounds, ahead: &mut Ahead) {
+        let beyond = ahead.leader.map_or(f64::INFINITY, |(gap, _)| gap + self.own.half_length + BEYOND);
+        if along - body.half_length > beyond && body.forward.dot(self.own.forward) > 0.9 {
+            return;
+        }
+        let is_seen = !self.is_behind(body, along) && sight.grown(body.half_length).hold(body.position);
+        if !is_seen && (body.speed < STANDING || !meet(sight, &forecast.bounds)) {
+            return;
+        }
+        let hint = self.place.sample + (along.max(0.0) * (1.0 / SPACING)) as u32 as usize;
+        let place = self.way.follow(body.position, hint);
+        if is_seen && self.look_at(body, &place, ahead) || !comes_near(self, body, &place, forecast) {
+            return;
+        }
+        if collision::is_imminent(self, body, forecast) {
+            ahead.acceleration = -HARDEST_BRAKING;
+            return;
+        }
+        match claim(self, body, &place, forecast) {
+            None => {}
+            Some(Claim::Follow { gap, speed }) => ahead.follow(self, gap, speed),
+            Some(Claim::Yield { distance }) => {
+                ahead.acceleration = ahead.acceleration.min(self.idm.before_a_line(self.own.speed, distance));
+            }
+        }
     }
 
     /// How far somebody who drives along the way comes nearer to it (m) while one looks: in [`COMES_SECONDS`].
@@ -210,8 +228,9 @@ impl Ahead {
 }
 
 fn meet(a: &Bounds, b: &Bounds) -> bool {
-    let apart =
-        |least: fn(&Bounds) -> f64, greatest: fn(&Bounds) -> f64| least(a) > greatest(b) || least(b) > greatest(a);
-    !apart(|bounds| bounds.least.x, |bounds| bounds.greatest.x)
-        && !apart(|bounds| bounds.least.y, |bounds| bounds.greatest.y)
+    // All four are cheaper than a guess at which of them is the first to fail.
+    (a.least.x <= b.greatest.x)
+        & (b.least.x <= a.greatest.x)
+        & (a.least.y <= b.greatest.y)
+        & (b.least.y <= a.greatest.y)
 }

@@ -166,11 +166,18 @@ impl Driver {
     }
 
     /// The acceleration (m/s^2) that it wishes for; it may go over to another lane.
-    pub(crate) fn decide(&mut self, step: u32, scenery: &Scenery, lights: &Lights, ways: &Ways) -> f64 {
+    pub(crate) fn decide(
+        &mut self,
+        step: u32,
+        scenery: &Scenery,
+        lights: &Lights,
+        ways: &Ways,
+        near: &mut Vec<(f64, usize)>,
+    ) -> f64 {
         let own = self.body();
         let Character { idm, margin, room, politeness, threshold, .. } = self.character;
         let view = View { way: &self.way, place: self.place, target: self.target, own: &own, idm: &idm, margin, room };
-        let ahead = view.ahead(scenery);
+        let ahead = view.ahead(scenery, near);
         let free = idm.free(own.speed, self.speeds[self.place.sample]);
         let mut wish = free.min(ahead.acceleration);
         if self.kind != AgentKind::Pedestrian {

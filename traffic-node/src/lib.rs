@@ -88,6 +88,8 @@ struct Company {
     drivers: Vec<Driver>,
     /// The acceleration of each, decided before anybody moves.
     wishes: Vec<f64>,
+    /// Room for those whom a driver looks at.
+    near: Vec<(f64, usize)>,
 }
 
 impl Company {
@@ -100,6 +102,7 @@ impl Company {
             lights: Lights::default(),
             drivers: Vec::new(),
             wishes: Vec::new(),
+            near: Vec::new(),
         }
     }
 
@@ -126,7 +129,8 @@ impl Traffic for Company {
         self.lights.see(&observation.signals);
         self.wishes.clear();
         for index in 0..self.drivers.len() {
-            let wish = self.drivers[index].decide(observation.step, &self.scenery, &self.lights, &self.ways);
+            let wish =
+                self.drivers[index].decide(observation.step, &self.scenery, &self.lights, &self.ways, &mut self.near);
             self.wishes.push(wish);
         }
         let moves = self

@@ -62,11 +62,13 @@ pub(crate) struct Scenery {
     line: Arc<ReferenceLine>,
     pub bodies: Vec<Body>,
     pub forecasts: Vec<Forecast>,
+    /// What holds each of them, now and as far as is looked ahead.
+    pub reaches: Vec<Bounds>,
 }
 
 impl Scenery {
     pub(crate) fn new(line: &Arc<ReferenceLine>) -> Self {
-        Self { line: Arc::clone(line), bodies: Vec::new(), forecasts: Vec::new() }
+        Self { line: Arc::clone(line), bodies: Vec::new(), forecasts: Vec::new(), reaches: Vec::new() }
     }
 
     /// Takes in a step. `drivers` are in ascending order of track.
@@ -81,8 +83,12 @@ impl Scenery {
         // The AV's track is in no observation; its number is no matter.
         self.bodies.push(body(TrackId(i32::MIN), Who::Av, AgentKind::Vehicle, &observation.av));
         self.forecasts.clear();
+        self.reaches.clear();
         for index in 0..self.bodies.len() {
             let forecast = self.forecast(&self.bodies[index], drivers);
+            let Body { position, half_length, .. } = self.bodies[index];
+            let Bounds { least, greatest } = forecast.bounds;
+            self.reaches.push(Bounds::of([position, least, greatest]).grown(half_length));
             self.forecasts.push(forecast);
         }
     }

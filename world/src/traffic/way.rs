@@ -139,7 +139,7 @@ impl Way {
     #[inline]
     #[must_use]
     pub fn sample_at(&self, station: f64) -> usize {
-        self.inside((station / SPACING).max(0.0) as usize)
+        self.inside((station * (1.0 / SPACING)) as u32 as usize)
     }
 
     /// The point at `station` (m), straight on past either end.
@@ -154,18 +154,20 @@ impl Way {
     #[inline]
     #[must_use]
     pub fn follow(&self, point: Point, hint: usize) -> WayPlace {
-        let last = self.points.len() - 1;
+        let (points, directions) = (&self.points[..], &self.directions[..self.points.len()]);
+        let last = points.len() - 1;
         let mut sample = hint.min(last);
         // To where the direction leads, once more from there for the bend between, and downhill from there.
         for _ in 0..2 {
-            let ahead = (point - self.points[sample]).dot(self.directions[sample]) * (1.0 / SPACING);
-            let next = ((sample as f64 + ahead + 0.5).max(0.0) as usize).min(last);
+            let ahead = (point - points[sample]).dot(directions[sample]) * (1.0 / SPACING);
+            // No way has as many samples as a u32 holds; what is less than none is none.
+            let next = ((sample as f64 + ahead + 0.5) as u32 as usize).min(last);
             if next == sample {
                 break;
             }
             sample = next;
         }
-        let away = |sample: usize| self.points[sample].distance_squared(point);
+        let away = |sample: usize| points[sample].distance_squared(point);
         let mut distance = away(sample);
         while sample < last {
             let next = away(sample + 1);
@@ -181,8 +183,8 @@ impl Way {
             }
             (sample, distance) = (sample - 1, next);
         }
-        let offset = point - self.points[sample];
-        let direction = self.directions[sample];
+        let offset = point - points[sample];
+        let direction = directions[sample];
         WayPlace { sample, station: sample as f64 * SPACING + direction.dot(offset), lateral: direction.cross(offset) }
     }
 
