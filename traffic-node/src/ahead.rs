@@ -29,6 +29,9 @@ const COURTESY_AHEAD: f64 = 30.0;
 /// Who is behind, and faster by no more than this (m/s), does not come ahead while one looks.
 const FASTER: f64 = 1.0;
 
+/// Whoever heads so much as one does (cosine of 25 degrees) goes the same way.
+const SAME_WAY: f64 = 0.9;
+
 /// Who goes one's own way, this much farther (m) than somebody who is followed already, is that one's to mind.
 const BEYOND: f64 = 5.0;
 
@@ -132,7 +135,7 @@ impl View<'_> {
     /// What comes of somebody so far ahead (m).
     fn mind(&self, body: &Body, forecast: &Forecast, along: f64, sight: &Bounds, ahead: &mut Ahead) {
         let beyond = ahead.leader.map_or(f64::INFINITY, |(gap, _)| gap + self.own.half_length + BEYOND);
-        if along - body.half_length > beyond && body.forward.dot(self.own.forward) > 0.9 {
+        if along - body.half_length > beyond && body.forward.dot(self.own.forward) > SAME_WAY {
             return;
         }
         let is_seen = !self.is_behind(body, along) && sight.grown(body.half_length).hold(body.position);
@@ -151,6 +154,7 @@ impl View<'_> {
         match claim(self, body, &place, forecast) {
             None => {}
             Some(Claim::Follow { gap, speed }) => ahead.follow(self, gap, speed),
+            Some(Claim::FallBack { acceleration }) => ahead.acceleration = ahead.acceleration.min(acceleration),
             Some(Claim::Yield { distance }) => {
                 ahead.acceleration = ahead.acceleration.min(self.idm.before_a_line(self.own.speed, distance));
             }

@@ -33,6 +33,8 @@ const STOPS_BY: f64 = 6.0;
 pub(crate) enum Claim {
     /// To be followed from now on: he merges so far ahead (m), at so much speed along the way (m/s).
     Follow { gap: f64, speed: f64 },
+    /// To be let in ahead of one who is beside him: one falls back, by such an acceleration (m/s^2).
+    FallBack { acceleration: f64 },
     /// To be let pass: one stands so far ahead (m).
     Yield { distance: f64 },
 }
@@ -86,6 +88,9 @@ pub(crate) fn claim(view: &View<'_>, body: &Body, place: &WayPlace, forecast: &F
     let speed = view.own.speed.max(PACE);
     let distance = zone.from - view.front();
     let (arrives, gone) = (distance / speed, (zone.until + view.own.half_length - view.place.station) / speed);
+    if distance < 0.0 && zone.merges && !is_behind {
+        return Some(Claim::FallBack { acceleration: fall_back(view, &zone, distance) });
+    }
     if distance < 0.0 || gone + view.margin < zone.enters || zone.leaves + view.margin < arrives {
         return None;
     }
@@ -105,6 +110,14 @@ pub(crate) fn claim(view: &View<'_>, body: &Body, place: &WayPlace, forecast: &F
     let distance = distance - STAND_BACK;
     let needed = view.own.speed * view.own.speed / (2.0 * distance.max(0.1));
     (needed <= STOPS_BY).then_some(Claim::Yield { distance })
+}
+
+/// The even acceleration (m/s^2) by which one who is beside somebody is behind him when their ways meet.
+fn fall_back(view: &View<'_>, zone: &Zone, distance: f64) -> f64 {
+    let time = zone.enters.max(LOOK_SECONDS);
+    let gap = distance - zone.along * zone.enters;
+    let too_far = view.idm.standstill_gap - gap + (view.own.speed - zone.along) * time;
+    (-2.0 * too_far / (time * time)).min(0.0)
 }
 
 /// Where and when he is in the way.

@@ -24,6 +24,9 @@ const WAY_END: usize = 6;
 /// Steps in which a driver reacts to what appears, as in [`Traffic`]: nobody is charged for a contact with who appeared just now.
 const REACTION: usize = 10;
 
+/// A track has been seen for so many steps before it is taken over: the speed that it appears with may be anything.
+const KNOWN: usize = 3;
+
 /// How a track is driven.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Driven {
@@ -171,6 +174,10 @@ impl Company {
             if has_no_room(agent, &others) || self.av_left && has_no_room(agent, std::slice::from_ref(&av)) {
                 self.driven[agent.track] = Driven::Gone;
                 self.barred.push(agent.track);
+                continue;
+            }
+            let lately = (sight.log_index + 1).saturating_sub(KNOWN)..=sight.log_index;
+            if self.bridged.judged().tracks()[agent.track].states[lately].iter().any(Option::is_none) {
                 continue;
             }
             let is_near = state.position().distance(sight.av.state.position()) <= self.settings.radius;

@@ -40,7 +40,10 @@ const STRIDE: usize = 4;
 /// Ways with less room than this (m) between who drives on them meet.
 const ROOM: f64 = 0.3;
 
-/// Who would drive into somebody within this time (s) of appearing, or be driven into, does not appear; nor who is so near ahead of him (m).
+/// Who would be so near to somebody (m), after one of these times (s), if both went straight on, does not appear; nor who is so near ahead of him
+/// (s, and at least m).
+const NO_DISTANCE: f64 = 0.3;
+const NO_TIMES: [f64; 4] = [0.0, 0.5, 1.0, 1.5];
 const NO_ROOM: f64 = 1.0;
 const LEAST_ROOM: f64 = 1.0;
 
@@ -50,6 +53,9 @@ const BESIDE: f64 = 0.8;
 /// Who is said to go aside by more than this (rad), at more than this (m/s), slides or backs up, or the log is wrong for a moment.
 const SLIDING: f64 = 0.3;
 const SLIDING_SPEED: f64 = 0.45;
+
+/// Who is faster (m/s) was tracked wrongly.
+const FASTEST: f64 = 50.0;
 
 /// Somebody so far ahead on one's way (m) is followed.
 const FOLLOWED: f64 = 40.0;
@@ -122,16 +128,25 @@ impl Departed {
     }
 }
 
-/// Whether an agent that has just appeared in the log has no room to: it would be in somebody, or in him within a second.
+/// Whether an agent that has just appeared in the log has no room to: it would be in somebody, or in him soon.
 #[must_use]
 pub fn has_no_room(agent: &TrafficAgent, others: &[Departed]) -> bool {
+    let later = |of: &OrientedBox, moved: Point, by: f64| OrientedBox {
+        center: of.center + moved,
+        half_length: of.half_length + by,
+        half_width: of.half_width + by,
+        ..*of
+    };
     let is_in_the_way = |other: &Departed| {
         let Body { state, outline, speed } = other.body;
         let ahead = (speed * NO_ROOM).max(LEAST_ROOM);
         let center = outline.center + outline.forward * (0.5 * ahead);
         let taken = OrientedBox { center, half_length: outline.half_length + 0.5 * ahead, ..outline };
-        let is_in_his_way = (state.z - agent.z).abs() <= STOREY && boxes_overlap(&taken, &agent.outline);
-        is_in_his_way || must_react(&other.body, agent).is_some_and(|time| time <= NO_ROOM)
+        let meet = |seconds: f64| {
+            let his = later(&outline, state.velocity() * seconds, NO_DISTANCE);
+            boxes_overlap(&his, &later(&agent.outline, agent.outline.forward * (agent.speed * seconds), 0.0))
+        };
+        (state.z - agent.z).abs() <= STOREY && (boxes_overlap(&taken, &agent.outline) || NO_TIMES.into_iter().any(meet))
     };
     agent.sudden && others.iter().any(is_in_the_way)
 }
@@ -152,8 +167,8 @@ pub struct Replayed<'a> {
 /// Whether an agent goes where its front points, as who is driven does: else it would jump aside when it is taken over.
 fn goes_where_it_points(state: &AgentState) -> bool {
     let velocity = state.velocity();
-    let slip = angle_difference(state.heading, velocity.heading()).abs();
-    slip <= SLIDING || velocity.norm() * slip <= SLIDING_SPEED
+    let (speed, slip) = (velocity.norm(), angle_difference(state.heading, velocity.heading()).abs());
+    speed <= FASTEST && (slip <= SLIDING || speed * slip <= SLIDING_SPEED)
 }
 
 /// Whether `replayed` is to be taken over. `stretch` is the AV's, once that has left the log.

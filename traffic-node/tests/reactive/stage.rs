@@ -8,8 +8,8 @@ use episode::traffic::TrafficSettings;
 use episode::{Episode, Outcome};
 use traffic_node::{Cast, Characters, TrafficFactory};
 use wire::proto::event::{Contact, Kind};
-use world::geometry::{Point, angle_difference, boxes_overlap};
-use world::observation::Observation;
+use world::geometry::{Point, Pose, angle_difference, boxes_overlap};
+use world::observation::{Observation, ObservedAgent};
 use world::plan::{PLAN_STEPS, Plan, PlanState, STEP_SECONDS, UncheckedPlan};
 use world::scene::{AgentState, Scene, TrackId};
 use world::traffic::Taken;
@@ -32,8 +32,8 @@ pub struct Count {
     pub agent_steps: usize,
     /// Steps at which one of them overlaps somebody whom the log keeps apart from it.
     pub overlaps: usize,
-    /// Which, for people.
-    pub overlapping: BTreeMap<(i32, i32), u32>,
+    /// Which, and how it looked when it began: for people.
+    pub overlapping: BTreeMap<(i32, i32), String>,
     /// The largest jumps at hand-over: from where one would be that goes on for a step (m, rad, m/s).
     pub jumps: [f64; 3],
     /// Lines crossed at red by who could have stopped.
@@ -63,8 +63,16 @@ impl Count {
         }
     }
 
+    /// Holds the bounds that hold whatever the AV does.
+    pub fn check(&self, cast: Cast) {
+        assert!(self.overlaps * 1000 <= self.agent_steps, "{cast}: {}", self.line());
+        let [place, heading, speed] = self.jumps;
+        assert!(place <= 0.05 && heading <= 0.02 && speed <= 0.2, "{cast}: {}", self.line());
+        assert_eq!(self.red, 0, "{cast}");
+    }
+
     /// A line of a table.
-    pub fn line(&self) -> String {
+    fn line(&self) -> String {
         format!(
             "{:3} scenes {:5} taken {:7} agent-steps {:4} overlaps ({:6.2} per 1000) jumps {:.3} m {:.4} rad {:.3} m/s, red {}, at fault {}, from behind {}, other {}",
             self.scenes,
@@ -208,6 +216,20 @@ pub fn drive(scene: &Arc<Scene>, settings: &TrafficSettings, cast: Cast, av: Av)
     Some((outcome, count))
 }
 
+/// Drives all of `scenes`, prints who overlapped and the sums, and says the sums.
+pub fn drive_all(scenes: &[Arc<Scene>], cast: Cast, av: Av) -> Count {
+    let mut all = Count::default();
+    for scene in scenes {
+        let Some((_, count)) = drive(scene, &TrafficSettings::default(), cast, av) else { continue };
+        for told in count.overlapping.values() {
+            println!("    {} {cast}: {told}", scene.id());
+        }
+        all.add(&count);
+    }
+    println!("{cast:10} {av:?}: {}", all.line());
+    all
+}
+
 /// From where the log would have it that goes on with the speed and turn that it had.
 fn jumps(jumps: &mut [f64; 3], log: &[Option<AgentState>], now: usize, next: &AgentState) {
     let here = log[now].unwrap();
@@ -237,19 +259,10 @@ fn runs_red(scene: &Scene, now: usize, step: u32, agent: &Taken, next: &BTreeMap
     }
     let front = |state: &AgentState| {
         let front: Point = state.oriented_box().front();
-        let center = agent.way.follow(state.position(), 20);
-        let mut sample = center.sample;
-        // Ways are followed from the beginning here: a place is looked for all along.
-        let nearest = agent
-            .way
-            .points()
-            .iter()
-            .enumerate()
-            .min_by(|a, b| a.1.distance_squared(front).total_cmp(&b.1.distance_squared(front)));
-        if let Some((at, _)) = nearest {
-            sample = at;
-        }
-        agent.way.follow(front, sample)
+        // Looked for all along the way: a way may come by twice.
+        let away = |sample: &(usize, &Point)| sample.1.distance_squared(front);
+        let nearest = agent.way.points().iter().enumerate().min_by(|a, b| away(a).total_cmp(&away(b)));
+        agent.way.follow(front, nearest.map_or(0, |(sample, _)| sample))
     };
     let (from, to) = (front(&agent.state), front(next));
     scene.signals(now).iter().any(|signal| {
@@ -261,60 +274,35 @@ fn runs_red(scene: &Scene, now: usize, step: u32, agent: &Taken, next: &BTreeMap
         let is_on = from.lateral.abs() < 2.0 && line.lateral.abs() < 3.0 && (line.station - stretch.from).abs() < 9.0;
         let has_been_red = (now - SECONDS_4..=now)
             .all(|step| scene.signals(step).iter().any(|other| other.lane == signal.lane && other.state.is_red()));
-        if crosses && is_on && has_been_red && std::env::var_os("TELL").is_some() {
-            println!(
-                "      red: {} of lane {} at step {step}, {:.1} m/s, {:?} {:?}",
-                agent.track,
-                signal.lane,
-                next.speed(),
-                from,
-                line
-            );
-        }
         crosses && is_on && has_been_red
     })
 }
 
 fn overlaps(count: &mut Count, episode: &Episode, entangled: &BTreeSet<(i32, i32)>) {
-    let reacting: BTreeSet<TrackId> = episode.taken().iter().map(|agent| agent.track).collect();
+    let since = |agent: &ObservedAgent| {
+        episode.taken().iter().find(|taken| taken.track == agent.track).map(|taken| taken.since_step)
+    };
     let observation = episode.observe();
     let agents: Vec<_> = observation.agents.iter().filter(|agent| agent.unseen == 0).collect();
     for (index, one) in agents.iter().enumerate() {
         for other in &agents[index + 1..] {
-            let (a, b) = (one.track.0.min(other.track.0), one.track.0.max(other.track.0));
-            let may = reacting.contains(&one.track) || reacting.contains(&other.track);
-            if may
-                && !entangled.contains(&(a, b))
+            let pair = (one.track.0.min(other.track.0), one.track.0.max(other.track.0));
+            if (since(one).is_some() || since(other).is_some())
+                && !entangled.contains(&pair)
                 && (one.state.z - other.state.z).abs() < 3.0
                 && one.state.position().distance_squared(other.state.position()) < 900.0
                 && boxes_overlap(&one.state.oriented_box(), &other.state.oriented_box())
             {
                 count.overlaps += 1;
-                if std::env::var_os("TELL").is_some() && !count.overlapping.contains_key(&(a, b)) {
-                    let told = |agent: &world::observation::ObservedAgent| {
-                        let who = if reacting.contains(&agent.track) { "reacts" } else { "replayed" };
-                        let s = agent.state;
-                        let since = episode.taken().iter().find(|t| t.track == agent.track).map(|t| t.since_step);
-                        format!(
-                            "{} {} {who} since {since:?} v {:.1} {:.1}x{:.1}",
-                            agent.kind,
-                            agent.track,
-                            s.speed(),
-                            s.length,
-                            s.width
-                        )
-                    };
-                    let beside = one.state.pose().pose_to_body(other.state.pose());
-                    println!(
-                        "      {} / {} at ({:.1}, {:.1}, {:.2})",
-                        told(one),
-                        told(other),
-                        beside.x,
-                        beside.y,
-                        beside.heading
-                    );
-                }
-                count.overlapping.entry((a, b)).or_insert(observation.step);
+                let told = |agent: &ObservedAgent| {
+                    let since = since(agent).map_or("replayed".to_owned(), |step| format!("reacts since step {step}"));
+                    format!("{} {} ({since}, {:.1} m/s)", agent.kind, agent.track, agent.state.speed())
+                };
+                let Pose { x, y, heading } = one.state.pose().pose_to_body(other.state.pose());
+                count.overlapping.entry(pair).or_insert_with(|| {
+                    let (step, one, other) = (observation.step, told(one), told(other));
+                    format!("step {step}: {one} overlaps {other} at {x:.1} m, {y:.1} m, {heading:.2} rad")
+                });
             }
         }
     }

@@ -1,11 +1,12 @@
 //! How ways are made: of where a track went in the log, and on along the lanes when the log ends; or along lanes alone, for who changes his.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::way::{LaneStretch, SPACING, Way, even};
 use crate::geometry::{Point, Point3};
 use crate::lane_graph::LaneGraph;
-use crate::map::{Lane, LaneNeighbor, Map, MapId, RoadLineKind};
+use crate::map::{LaneNeighbor, Map, MapId, RoadLineKind};
 use crate::map_matching::{LaneMatch, LanePoints};
 use crate::route::{Lanes, POSE_SPACING, Place, drive};
 use crate::scene::{AgentKind, AgentState};
@@ -15,11 +16,18 @@ const BEHIND: f64 = 10.0;
 /// As many samples of the way.
 pub const BEHIND_SAMPLES: usize = (BEHIND / SPACING) as usize;
 
-/// Who goes less far in the rest of the log (m) stands, as far as anybody can tell.
-pub const LEAST_WAY: f64 = 3.0;
+/// Who goes less far in the rest of the log (m), and is slower now (m/s), stands, as far as anybody can tell.
+const LEAST_WAY: f64 = 1.0;
+const LEAST_SPEED: f64 = 1.0;
 
 /// Who ends beside the middle of a lane is led there over this distance (m).
 const MERGING: f64 = 20.0;
+
+/// Who ends farther than this (m) from the middle of a lane is beside it.
+const BESIDE: f64 = 2.0;
+
+/// Whoever is on a lane, or on the one beside it, has its middle within this distance (m).
+const NEAR: f64 = 8.0;
 
 /// A lane that is to be changed to must lead on this far (m).
 const LEAST_BESIDE: f64 = 40.0;
@@ -28,6 +36,7 @@ const LEAST_BESIDE: f64 = 40.0;
 #[derive(Clone, Debug)]
 pub struct Ways {
     map: Arc<Map>,
+    indices: BTreeMap<MapId, usize>,
     graph: LaneGraph,
     points: LanePoints,
     /// Those of no lane: for who walks.
@@ -39,7 +48,13 @@ impl Ways {
     #[must_use]
     pub fn on(map: &Arc<Map>) -> Self {
         let points = LanePoints::new(map, |lane| map.lanes[lane].kind.is_drivable());
-        Self { map: Arc::clone(map), graph: LaneGraph::new(map), points, nowhere: LanePoints::new(map, |_| false) }
+        Self {
+            map: Arc::clone(map),
+            indices: map.lane_indices(),
+            graph: LaneGraph::new(map),
+            points,
+            nowhere: LanePoints::new(map, |_| false),
+        }
     }
 
     fn lanes(&self) -> Lanes<'_> {
@@ -58,24 +73,32 @@ impl Ways {
         let from = behind.unwrap_or(0);
         let places = forward(&drive(&states[from..], &self.graph, points));
         let last = places.last()?;
-        if last.driven - driven(&states[from..=now]) < LEAST_WAY {
+        // A track that is lost before the log's end says nothing of where it goes then.
+        let goes_on = here.speed() >= LEAST_SPEED && states.last().is_some_and(Option::is_some);
+        if !goes_on && last.driven - driven(&states[from..=now]) < LEAST_WAY {
             return None;
         }
         let mut course: Vec<(Point3, Option<usize>)> = places.iter().map(on_its_place).collect();
         let (ahead, _) = self.lanes().ahead(last);
         let first = ahead.first()?;
-        // Beside the middle of the lane it is led there, not thrown.
-        let aside = last.lane.map_or(Point::default(), |_| last.pose.position() - first.waypoint.point.xy());
-        let mut led = 0.0;
-        let mut before = last.pose.position();
+        // Beside the middle of the lane it is led there, not thrown; beside the lane it stays there.
+        let mut direction = Point::unit(last.pose.heading);
+        let aside = last.lane.map_or(0.0, |_| direction.cross(last.pose.position() - first.waypoint.point.xy()));
+        let (mut led, mut before) = (0.0, None);
         for mark in ahead {
-            led += before.distance(mark.waypoint.point.xy());
-            before = mark.waypoint.point.xy();
-            let rest = (1.0 - led / MERGING).max(0.0);
-            let point = mark.waypoint.point.xy() + aside * (rest * rest);
+            let Point3 { z, .. } = mark.waypoint.point;
+            let middle = mark.waypoint.point.xy();
+            let step = before.map_or(Point::default(), |before| middle - before);
+            if step.norm() > 0.0 {
+                direction = step * (1.0 / step.norm());
+            }
+            led += step.norm();
+            before = Some(middle);
+            let rest = if aside.abs() > BESIDE { 1.0 } else { (1.0 - led / MERGING).max(0.0) };
+            let point = middle + Point::new(-direction.y, direction.x) * (aside * rest * rest);
             let leads_on = (point - last.pose.position()).dot(Point::unit(last.pose.heading)) > 0.0 || led > MERGING;
             if leads_on {
-                course.push((Point3::new(point.x, point.y, mark.waypoint.point.z), mark.waypoint.lane));
+                course.push((Point3::new(point.x, point.y, z), mark.waypoint.lane));
             }
         }
         self.way(&course)
@@ -92,15 +115,13 @@ impl Ways {
     /// The lanes beside `lane`, left before right, that cars may change to from `point`: no solid line lies between, and they lead on far
     /// enough. For each the point of it that is nearest.
     pub fn beside(&self, lane: MapId, point: Point) -> impl Iterator<Item = LaneMatch> {
-        let has_neighbors = |own: &&Lane| !(own.left_neighbors.is_empty() && own.right_neighbors.is_empty());
-        let own = self.map.lanes.iter().find(|own| own.id == lane).filter(has_neighbors);
-        let sides = own.into_iter().flat_map(move |own| {
-            let nearest = own
-                .centerline
-                .iter()
-                .enumerate()
-                .min_by(|a, b| a.1.xy().distance_squared(point).total_cmp(&b.1.xy().distance_squared(point)));
-            let at = nearest.map_or(0, |(index, _)| index as i32);
+        let index = self.indices.get(&lane).copied();
+        let own = index
+            .map(|index| &self.map.lanes[index])
+            .filter(|own| !(own.left_neighbors.is_empty() && own.right_neighbors.is_empty()));
+        let on = own.and_then(|_| self.nearest_on(index?, point));
+        let sides = own.zip(on).into_iter().flat_map(|(own, on)| {
+            let at = on.point as i32;
             let open = move |neighbor: &&LaneNeighbor| {
                 let is_along = (neighbor.self_start_index..=neighbor.self_end_index).contains(&at);
                 let is_solid = neighbor.boundaries.iter().any(|boundary| {
@@ -110,17 +131,23 @@ impl Ways {
             };
             own.left_neighbors.iter().filter(open).chain(own.right_neighbors.iter().filter(open))
         });
-        sides.filter_map(move |neighbor| self.nearest_on(neighbor.lane, point))
+        sides.filter_map(move |neighbor| {
+            let beside = self.nearest_on(*self.indices.get(&neighbor.lane)?, point)?;
+            let rest = self.graph.length(beside.lane) - self.points.station(&beside);
+            (rest >= LEAST_BESIDE).then_some(beside)
+        })
     }
 
-    fn nearest_on(&self, lane: MapId, point: Point) -> Option<LaneMatch> {
-        let index = self.map.lanes.iter().position(|beside| beside.id == lane)?;
-        let beside = &self.map.lanes[index];
-        let distances = beside.centerline.iter().map(|at| at.xy().distance(point)).enumerate();
-        let (nearest, distance) = distances.min_by(|a, b| a.1.total_cmp(&b.1))?;
-        let on = LaneMatch { lane: index, point: nearest, distance };
-        let rest = self.graph.length(index) - self.points.station(&on);
-        (beside.kind.is_drivable() && rest >= LEAST_BESIDE).then_some(on)
+    /// The point of a drivable lane that is nearest; the first of equals.
+    fn nearest_on(&self, lane: usize, point: Point) -> Option<LaneMatch> {
+        let mut nearest: Option<LaneMatch> = None;
+        self.points.for_each_near(point, NEAR, |on| {
+            let is_nearer = |so_far: LaneMatch| (on.distance, on.point) < (so_far.distance, so_far.point);
+            if on.lane == lane && nearest.is_none_or(is_nearer) {
+                nearest = Some(on);
+            }
+        });
+        nearest
     }
 
     /// Where a lane's point lies, and its direction (rad).
@@ -132,7 +159,7 @@ impl Ways {
     /// The speed limit (m/s) of a lane, where the map knows it.
     #[must_use]
     pub fn speed_limit(&self, lane: MapId) -> Option<f64> {
-        self.map.lanes.iter().find(|own| own.id == lane)?.speed_limit()
+        self.map.lanes[*self.indices.get(&lane)?].speed_limit()
     }
 
     fn way(&self, course: &[(Point3, Option<usize>)]) -> Option<Way> {
