@@ -110,6 +110,7 @@ impl View<'_> {
     pub(crate) fn ahead(&self, scenery: &Scenery, near: &mut Vec<(f64, usize)>) -> Ahead {
         let sight = self.sight();
         near.clear();
+        near.reserve(scenery.bodies.len());
         for (index, (body, reach)) in scenery.bodies.iter().zip(&scenery.reaches).enumerate() {
             if meet(&sight, reach) && body.track != self.own.track && (body.z - self.own.z).abs() <= STOREY {
                 let along = (body.position - self.own.position).dot(self.own.forward);
