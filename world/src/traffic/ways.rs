@@ -16,7 +16,7 @@ const BEHIND: f64 = 10.0;
 /// As many samples of the way.
 pub const BEHIND_SAMPLES: usize = (BEHIND / SPACING) as usize;
 
-/// Who goes less far in the rest of the log (m), and is slower now (m/s), stands, as far as anybody can tell.
+/// Who goes less far in the rest of the log (m), and is slower when it ends (m/s), stands, as far as anybody can tell.
 const LEAST_WAY: f64 = 1.0;
 const LEAST_SPEED: f64 = 1.0;
 
@@ -73,35 +73,40 @@ impl Ways {
         let from = behind.unwrap_or(0);
         let places = forward(&drive(&states[from..], &self.graph, points));
         let last = places.last()?;
-        // A track that is lost before the log's end says nothing of where it goes then.
-        let goes_on = here.speed() >= LEAST_SPEED && states.last().is_some_and(Option::is_some);
+        // Who still goes when the log ends goes on; a track that is lost before says nothing of where it goes then.
+        let speed = |state: AgentState| state.velocity().dot(Point::unit(state.heading));
+        let goes_on = states.last()?.is_some_and(|last| speed(last) >= LEAST_SPEED);
         if !goes_on && last.driven - driven(&states[from..=now]) < LEAST_WAY {
             return None;
         }
         let mut course: Vec<(Point3, Option<usize>)> = places.iter().map(on_its_place).collect();
+        self.lead_on(last, &mut course);
+        self.way(&course)
+    }
+
+    /// Leads a course on from its last place. Beside the middle of the lane it is led there, not thrown; beside the lane it stays there.
+    fn lead_on(&self, last: &Place, course: &mut Vec<(Point3, Option<usize>)>) {
+        let (from, mut direction) = (last.pose.position(), Point::unit(last.pose.heading));
+        let leads_on =
+            |point: Point, led: f64| led > MERGING || (point - from).dot(Point::unit(last.pose.heading)) > 0.0;
         let (ahead, _) = self.lanes().ahead(last);
-        let first = ahead.first()?;
-        // Beside the middle of the lane it is led there, not thrown; beside the lane it stays there.
-        let mut direction = Point::unit(last.pose.heading);
-        let aside = last.lane.map_or(0.0, |_| direction.cross(last.pose.position() - first.waypoint.point.xy()));
-        let (mut led, mut before) = (0.0, None);
+        let Some(mut before) = ahead.first().map(|mark| mark.waypoint.point.xy()) else { return };
+        let aside = last.lane.map_or(0.0, |_| direction.cross(from - before));
+        let mut led = 0.0;
         for mark in ahead {
-            let Point3 { z, .. } = mark.waypoint.point;
-            let middle = mark.waypoint.point.xy();
-            let step = before.map_or(Point::default(), |before| middle - before);
+            let (middle, z) = (mark.waypoint.point.xy(), mark.waypoint.point.z);
+            let step = middle - before;
             if step.norm() > 0.0 {
                 direction = step * (1.0 / step.norm());
             }
             led += step.norm();
-            before = Some(middle);
+            before = middle;
             let rest = if aside.abs() > BESIDE { 1.0 } else { (1.0 - led / MERGING).max(0.0) };
             let point = middle + Point::new(-direction.y, direction.x) * (aside * rest * rest);
-            let leads_on = (point - last.pose.position()).dot(Point::unit(last.pose.heading)) > 0.0 || led > MERGING;
-            if leads_on {
+            if leads_on(point, led) {
                 course.push((Point3::new(point.x, point.y, z), mark.waypoint.lane));
             }
         }
-        self.way(&course)
     }
 
     /// The way from a point of a lane on, along the straightest lanes.
@@ -265,12 +270,25 @@ mod tests {
     }
 
     #[test]
+    fn who_ends_beside_a_lane_stays_beside_it() {
+        let beside = |state: Option<AgentState>| state.map(|state| AgentState { y: 3.0, ..state });
+        let log: Vec<_> = log(|_| 8.0, 60).into_iter().map(beside).collect();
+        let way = Ways::on(&road()).of_log(&log, 10, AgentKind::Vehicle).unwrap();
+        assert!(way.length() > 140.0, "{}", way.length());
+        assert!(way.points().iter().all(|point| (point.y - 3.0).abs() < 0.01), "{:?}", way.points().last());
+    }
+
+    #[test]
     fn who_stands_or_backs_up_has_no_way() {
         let ways = Ways::on(&road());
         assert!(ways.of_log(&log(|_| 0.0, 60), 10, AgentKind::Vehicle).is_none());
         assert!(ways.of_log(&log(|_| -4.0, 60), 10, AgentKind::Vehicle).is_none());
         let stops = log(|step| if step < 30 { 8.0 } else { 0.0 }, 60);
         assert!(ways.of_log(&stops, 29, AgentKind::Vehicle).is_none(), "what it has driven before is no matter");
+        let fast = log(|_| 8.0, 60);
+        assert!(ways.of_log(&fast, 59, AgentKind::Vehicle).is_some(), "it still goes when the log ends");
+        let lost: Vec<_> = fast.iter().copied().chain([None; 30]).collect();
+        assert!(ways.of_log(&lost, 59, AgentKind::Vehicle).is_none(), "nobody knows where it went");
         assert!(ways.of_log(&log(|step| if step < 30 { 0.0 } else { 6.0 }, 60), 10, AgentKind::Vehicle).is_some());
     }
 }
