@@ -230,6 +230,7 @@ fn forward(places: &[Place]) -> Vec<Place> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::map::Lane;
 
     /// Lane 1 for 100 m to the east, lane 2 on from there.
     fn road() -> Arc<Map> {
