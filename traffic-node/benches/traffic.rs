@@ -1,6 +1,6 @@
 //! What a step of `idm` traffic costs with 64 agents that react, in one process on one core.
 //!
-//! `cargo bench -p traffic-node --bench traffic` prints the mean time of a step along [`bend`], the least of 50 drives, beside its bound and its
+//! `cargo bench -p traffic-node --bench traffic` prints the mean time of a step along [`bend`], the least of 300 drives, beside its bound and its
 //! floor; then criterion times whole drives. The floor is measured in the same run: each agent is held against each other once, by the distance
 //! of their places.
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs, reason = "a bench")]
@@ -18,6 +18,9 @@ mod bend;
 /// The bound (us a step).
 const BOUND: f64 = 60.0;
 
+/// So many drives are timed: their least is what a step costs where nobody else uses the core.
+const DRIVES: usize = 300;
+
 fn round(drive: &Drive, traffic: &mut Company) {
     for (observation, taken) in &drive.steps {
         black_box(traffic.next(observation, taken));
@@ -27,7 +30,7 @@ fn round(drive: &Drive, traffic: &mut Company) {
 /// Microseconds a step, the least of some rounds. Meeting the agents is the first step's, and is left out.
 fn measured(drive: &Drive) -> (f64, f64) {
     let (mut step, mut first) = (f64::INFINITY, f64::INFINITY);
-    for _ in 0..50 {
+    for _ in 0..DRIVES {
         let mut traffic = Characters { cast: Cast::Idm, seed: 1 }.company(&drive.briefing);
         let began = Instant::now();
         let (observation, taken) = &drive.steps[0];
@@ -44,7 +47,7 @@ fn measured(drive: &Drive) -> (f64, f64) {
 
 fn floor(drive: &Drive) -> f64 {
     let mut least = f64::INFINITY;
-    for _ in 0..50 {
+    for _ in 0..DRIVES {
         let began = Instant::now();
         for (observation, taken) in &drive.steps {
             let near = taken.iter().map(|agent| {

@@ -26,6 +26,9 @@ const THINKS: u32 = 10;
 const ARRIVED: u32 = 20;
 const SETTLED: u32 = 60;
 
+/// Who has changed lanes looks for how his lane goes on when less than this of his way is left (m).
+const LEAST_LEFT: f64 = 90.0;
+
 /// No bend asks for less than this (m/s): ways have kinks.
 const SLOWEST_CURVE: f64 = 2.0;
 
@@ -55,6 +58,8 @@ pub(crate) struct Driver {
     since_step: u32,
     character: Character,
     way: Arc<Way>,
+    /// Whether that is its own, of a lane that it changed to.
+    has_changed: bool,
     place: WayPlace,
     motion: Motion,
     /// As it was last.
@@ -89,6 +94,7 @@ impl Driver {
             kind: taken.kind,
             since_step: taken.since_step,
             way: Arc::clone(&taken.way),
+            has_changed: false,
             motion: Motion::of(state.position(), state.heading, state.velocity(), rear, curvature),
             speeds: Vec::new(),
             own_speed: state.speed(),
@@ -184,23 +190,44 @@ impl Driver {
             wish = wish.min(lights.acceleration(&self.way, view.front(), own.speed, &idm));
         }
         let aside = ahead.aside.1 - ahead.aside.0;
-        let turn = step.wrapping_add(self.track.0.cast_unsigned());
-        let thinks = turn.is_multiple_of(THINKS) && step >= self.settled;
-        if thinks && self.kind == AgentKind::Vehicle && ahead.leader.is_some() {
+        if self.has_changed {
+            // Behind the end of a lane nothing is known.
+            wish = wish.min(idm.before_a_line(own.speed, self.way.length() - view.front()));
+        }
+        let thinks = step.wrapping_add(self.track.0.cast_unsigned()).is_multiple_of(THINKS);
+        if thinks && step >= self.settled && self.kind == AgentKind::Vehicle && ahead.leader.is_some() {
             let incentive = Incentive { politeness, threshold, now: wish, free };
             if let Some(way) = mobil::change(&view, &incentive, scenery, ways) {
                 self.go_over(step, way, ways);
             }
         }
+        if thinks && self.has_changed && self.way.length() - self.place.station < LEAST_LEFT {
+            self.go_on(ways);
+        }
         self.target += (aside - self.target).clamp(-ASIDE, ASIDE);
         self.late(wish)
     }
 
-    fn go_over(&mut self, step: u32, way: Arc<Way>, ways: &Ways) {
-        self.place = way.follow(self.motion.position, 0);
-        self.way = way;
+    fn go_over(&mut self, step: u32, way: Way, ways: &Ways) {
         self.target = 0.0;
         self.settled = step.saturating_add(SETTLED);
+        self.take(way, ways);
+    }
+
+    /// Looks for how its lane goes on.
+    fn go_on(&mut self, ways: &Ways) {
+        let rest = self.way.length() - self.place.station;
+        let lane = self.way.lane_at(self.place.station);
+        let way = lane.and_then(|lane| ways.along_lane(lane, self.motion.position));
+        if let Some(way) = way.filter(|way| way.length() > rest) {
+            self.take(way, ways);
+        }
+    }
+
+    fn take(&mut self, way: Way, ways: &Ways) {
+        self.place = way.follow(self.motion.position, 0);
+        self.way = Arc::new(way);
+        self.has_changed = true;
         self.aim(ways);
     }
 

@@ -1,8 +1,6 @@
 //! Changes of lane by MOBIL (Kesting, Treiber, Helbing, "General lane-changing model MOBIL for car-following models", 2007): one goes over if it
 //! gains more than it costs those behind, and nobody has to brake hard.
 
-use std::sync::Arc;
-
 use world::geometry::angle_difference;
 use world::traffic::{Way, Ways};
 
@@ -36,7 +34,7 @@ pub(crate) struct Incentive {
 }
 
 /// The way along a lane beside, if that is worth it.
-pub(crate) fn change(view: &View<'_>, incentive: &Incentive, scenery: &Scenery, ways: &Ways) -> Option<Arc<Way>> {
+pub(crate) fn change(view: &View<'_>, incentive: &Incentive, scenery: &Scenery, ways: &Ways) -> Option<Way> {
     if view.own.speed < SLOWEST || incentive.free - incentive.now <= incentive.threshold {
         return None;
     }
@@ -49,7 +47,7 @@ pub(crate) fn change(view: &View<'_>, incentive: &Incentive, scenery: &Scenery, 
             return None;
         }
         let gain = gain(view, incentive, scenery, place.lateral)?;
-        (gain > incentive.threshold).then(|| ways.along(beside).map(Arc::new))?
+        (gain > incentive.threshold).then(|| ways.along(beside))?
     })
 }
 

@@ -43,8 +43,9 @@ fn state(pose: Pose, speed: f64) -> AgentState {
     AgentState { x, y, heading, velocity_x: speed, length: 4.6, width: 2.0, height: 1.5, ..AgentState::default() }
 }
 
-/// Where somebody at 10 m/s is, step by step, who comes up behind one who goes at 4 m/s; others, replayed, at 10 m/s begin at `others`. The AV is far behind.
-fn drive(map: &Arc<Map>, cast: Cast, others: &[(f64, f64)]) -> Vec<AgentState> {
+/// Where somebody at 10 m/s is, step by step, who comes up behind one who goes at 4 m/s; others, replayed, begin at the place and go at the speed that
+/// `others` says. The AV is far behind.
+fn drive(map: &Arc<Map>, cast: Cast, steps: u32, others: &[(f64, f64, f64)]) -> Vec<AgentState> {
     let column = |of: fn(f64) -> f64| (0..100).map(|k| of(-500.0 + 0.1 * f64::from(k))).collect::<Vec<f64>>();
     let line = Arc::new(ReferenceLine {
         x: column(|x| x),
@@ -57,7 +58,7 @@ fn drive(map: &Arc<Map>, cast: Cast, others: &[(f64, f64)]) -> Vec<AgentState> {
         scene: SceneId::new("two-lanes").unwrap(),
         protocol: "strict".to_owned(),
         start: 0,
-        horizon: 150,
+        horizon: steps,
         wheelbase: 3.0,
         map: Arc::clone(map),
         route: vec![MapId(1)],
@@ -70,10 +71,10 @@ fn drive(map: &Arc<Map>, cast: Cast, others: &[(f64, f64)]) -> Vec<AgentState> {
     let mut taken = vec![Taken { track: TrackId(1), kind, since_step: 0, state: log[0].unwrap(), way }];
     let mut traffic = Characters { cast, seed: 1 }.company(&briefing);
     let mut states = Vec::new();
-    for step in 0..150 {
+    for step in 0..steps {
         let seconds = 0.1 * f64::from(step);
         let slow = state(Pose::new(40.0 + 4.0 * seconds, 0.0, 0.0), 4.0);
-        let others = others.iter().map(|(x, y)| state(Pose::new(x + 10.0 * seconds, *y, 0.0), 10.0));
+        let others = others.iter().map(|(x, y, speed)| state(Pose::new(x + speed * seconds, *y, 0.0), *speed));
         let all = [taken[0].state, slow].into_iter().chain(others);
         let agents =
             all.enumerate().map(|(k, state)| ObservedAgent { track: TrackId(k as i32 + 1), kind, state, unseen: 0 });
@@ -103,7 +104,7 @@ fn drive(map: &Arc<Map>, cast: Cast, others: &[(f64, f64)]) -> Vec<AgentState> {
 
 #[test]
 fn who_is_held_up_goes_over_smoothly_and_passes() {
-    let states = drive(&road(RoadLineKind::BrokenSingleWhite), Cast::Idm, &[]);
+    let states = drive(&road(RoadLineKind::BrokenSingleWhite), Cast::Idm, 150, &[]);
     let last = states.last().unwrap();
     assert!((last.y - 3.5).abs() < 0.2 && last.speed() > 8.0, "{last:?}");
     assert!(last.x > 40.0 + 4.0 * 15.0 + 10.0, "it has passed: {last:?}");
@@ -115,9 +116,19 @@ fn who_is_held_up_goes_over_smoothly_and_passes() {
 #[test]
 fn nobody_goes_over_a_solid_line_or_into_somebody() {
     let stays = |states: Vec<AgentState>| states.iter().all(|state| state.y.abs() < 0.1);
-    assert!(stays(drive(&road(RoadLineKind::SolidSingleWhite), Cast::Idm, &[])));
+    assert!(stays(drive(&road(RoadLineKind::SolidSingleWhite), Cast::Idm, 150, &[])));
     // The other lane is full: 10 m apart, as fast as it came.
-    let full: Vec<(f64, f64)> = (-12..12).map(|k| (10.0 * f64::from(k), 3.5)).collect();
-    assert!(stays(drive(&road(RoadLineKind::BrokenSingleWhite), Cast::Idm, &full)));
-    assert!(stays(drive(&road(RoadLineKind::BrokenSingleWhite), Cast::Cautious, &[])), "it never does");
+    let full: Vec<_> = (-12..12).map(|k| (10.0 * f64::from(k), 3.5, 10.0)).collect();
+    assert!(stays(drive(&road(RoadLineKind::BrokenSingleWhite), Cast::Idm, 150, &full)));
+    assert!(stays(drive(&road(RoadLineKind::BrokenSingleWhite), Cast::Cautious, 150, &[])), "it never does");
+}
+
+#[test]
+fn who_has_gone_over_sees_who_stands_beyond_the_way_that_he_took_then() {
+    let standing = 240.0;
+    let states = drive(&road(RoadLineKind::BrokenSingleWhite), Cast::Idm, 300, &[(standing, 3.5, 0.0)]);
+    assert!(states.iter().any(|state| state.y > 3.0), "he goes over");
+    let strikes = |state: &&AgentState| (state.x - standing).abs() < 4.6 && (state.y - 3.5).abs() < 2.0;
+    assert_eq!(states.iter().find(strikes), None);
+    assert!(states.last().unwrap().x > standing - 20.0, "he has come so far: {:?}", states.last());
 }

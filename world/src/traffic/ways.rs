@@ -117,6 +117,12 @@ impl Ways {
         self.way(&course)
     }
 
+    /// The way from where `lane` is nearest to `point` on, along the straightest lanes.
+    #[must_use]
+    pub fn along_lane(&self, lane: MapId, point: Point) -> Option<Way> {
+        self.along(self.nearest_on(*self.indices.get(&lane)?, point)?)
+    }
+
     /// The lanes beside `lane`, left before right, that cars may change to from `point`: no solid line lies between, and they lead on far
     /// enough. For each the point of it that is nearest.
     pub fn beside(&self, lane: MapId, point: Point) -> impl Iterator<Item = LaneMatch> {
