@@ -259,6 +259,16 @@ impl Episode {
         }
     }
 
+    /// The scene as it was driven up to now: who reacted was where he was moved to, and from when he left, or was not let in, he is nowhere. The
+    /// scene itself in replay.
+    #[must_use]
+    pub fn driven_scene(&self) -> Arc<Scene> {
+        match &self.company {
+            Some(company) => Arc::new(company.driven_scene()),
+            None => Arc::clone(&self.scene),
+        }
+    }
+
     /// Takes over from the log who is due for the coming step.
     fn hand_over(&mut self) {
         let log_index = self.log_index();

@@ -11,8 +11,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use episode::protocol::{Protocol, SettingError};
+use episode::traffic::TrafficSettings;
+use episode::{Episode, Undrivable};
 use rayon::prelude::*;
 use results::folder::read_run_file;
+use results::moves::{self, Moved};
 use results::parquet::{ByScene, ParquetError, Table};
 use results::settings::RunFile;
 use results::summary::{Summary, SummaryError};
@@ -20,7 +24,8 @@ use scenarios::{SceneSet, SetError};
 use thiserror::Error;
 use world::geometry::Point;
 use world::plan::{Control, PlanState};
-use world::scene::Scene;
+use world::scene::{Scene, TrackId};
+use world::traffic::{MoveError, TrafficMove, UncheckedMoves};
 
 /// Episodes that are in memory at a time, for each core.
 const AT_A_TIME: usize = 8;
@@ -56,12 +61,24 @@ pub enum DrivesError {
     #[error("steps.parquet of {} has rows of {scene}, which is not its next scene", run.display())]
     Order { run: PathBuf, scene: String },
     #[error(
-        "the agents of {} reacted (traffic {name}), and steps.parquet does not hold where they were\nhint: its own figures, judged while it was driven, are in results.parquet: `sim table`",
+        "{scene} of {}: where its agents are that react is not what this build makes of them: {why}\nhint: judge it by the version that drove it, or drive it again",
         run.display()
     )]
-    Reactive { run: PathBuf, name: String },
+    Moves { run: PathBuf, scene: String, why: RetraceError },
     #[error("step {step} of {scene} in {}: {column} is none", run.display())]
     NoPlace { run: PathBuf, scene: String, step: usize, column: &'static str },
+}
+
+/// A drive that cannot be judged again.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the messages say it")]
+pub enum RetraceError {
+    #[error(transparent)]
+    Undrivable(#[from] Undrivable),
+    #[error(transparent)]
+    Setting(#[from] SettingError),
+    #[error("step {step}: {source}")]
+    Move { step: u32, source: MoveError },
 }
 
 /// A finished run, and where its scenes are.
@@ -92,7 +109,7 @@ struct Scenes {
 pub struct Driven {
     /// Its place among the run's scenes: its row of `results.parquet`.
     pub index: usize,
-    /// The scene.
+    /// The scene as it was driven: who reacted is where he was. As it was logged in replay.
     pub scene: Arc<Scene>,
     /// Log index of step 0, where the AV is as it was logged.
     pub start: u32,
@@ -102,6 +119,12 @@ pub struct Driven {
     pub controls: Vec<Control>,
     /// Its rows of `steps.parquet`; none where nothing was driven.
     pub table: Option<Table>,
+    /// Who reacted in each step, and where he was after it; nothing in replay.
+    pub moved: Vec<Vec<Moved>>,
+    /// The scene as it was logged.
+    pub logged: Arc<Scene>,
+    /// Who was taken over; none in replay.
+    traffic: Option<TrafficSettings>,
 }
 
 impl Run {
@@ -171,14 +194,11 @@ impl Run {
         is_wanted: impl Fn(usize) -> bool,
         judge: impl Fn(usize, Option<&Driven>) -> Option<T> + Sync,
     ) -> Result<Vec<T>, DrivesError> {
-        // Judged among agents that do what they did in the log it would be another drive.
-        if let Some(traffic) = &self.file.settings.traffic {
-            return Err(DrivesError::Reactive { run: self.folder.clone(), name: traffic.node.name.clone() });
-        }
         let Some(scenes) = &self.scenes else {
             return Self::open(&self.folder, &[])?.walk(columns, is_wanted, judge);
         };
-        let wanted: Vec<&str> = PLACES.iter().chain(columns).copied().collect();
+        let moves = self.file.settings.traffic.as_ref().map(|_| moves::COLUMN);
+        let wanted: Vec<&str> = PLACES.into_iter().chain(moves).chain(columns.iter().copied()).collect();
         let mut steps = ByScene::open(&self.folder.join("steps.parquet"), &wanted)?;
         let (driven, starts) = (self.results.counts("steps")?, self.results.counts("start_log_index")?);
         let mut judged = Vec::new();
@@ -233,7 +253,20 @@ impl Run {
             Some(table) => self.states(&line.id, table)?,
             None => Default::default(),
         };
-        Ok(Some(Driven { index, scene, start, states, controls, table: steps }))
+        let settings = &self.file.settings;
+        let traffic = settings.traffic.as_ref().map(|traffic| traffic.hand_over.clone());
+        let moved = match &steps {
+            Some(table) if traffic.is_some() => moves::of(table)?,
+            _ => Vec::new(),
+        };
+        let logged = Arc::clone(&scene);
+        let mut driven = Driven { index, scene, start, states, controls, table: steps, moved, logged, traffic };
+        if !driven.moved.is_empty() {
+            let again = driven.retrace(&settings.protocol, |_, _| ());
+            let refused = |why| DrivesError::Moves { run: self.folder.clone(), scene: line.id.clone(), why };
+            driven.scene = again.map_err(refused)?.driven_scene();
+        }
+        Ok(Some(driven))
     }
 
     fn states(&self, scene: &str, table: &Table) -> Result<(Vec<PlanState>, Vec<Control>), DrivesError> {
@@ -259,6 +292,31 @@ impl Run {
 }
 
 impl Driven {
+    /// Judges the drive again, among those who reacted in it. `each` is shown the episode after each step.
+    ///
+    /// # Errors
+    /// [`RetraceError`] where its scene cannot be driven, so that nothing was, or others reacted than this build takes over.
+    pub fn retrace(&self, protocol: &Protocol, mut each: impl FnMut(u32, &Episode)) -> Result<Episode, RetraceError> {
+        let mut episode = Episode::new(Arc::clone(&self.logged), protocol)?;
+        if let Some(traffic) = &self.traffic {
+            episode = episode.with_traffic(traffic)?;
+        }
+        for (step, state) in (0..).zip(self.steps()) {
+            if let Some(moved) = self.moved.get(step as usize) {
+                let before = |track: TrackId| episode.taken().iter().find(|agent| agent.track == track);
+                let told = |moved: &Moved| TrafficMove {
+                    track: moved.track,
+                    state: moved.state(&before(moved.track).map(|agent| agent.state).unwrap_or_default()),
+                };
+                let moves = UncheckedMoves { step, moves: moved.iter().map(told).collect() };
+                episode.move_traffic(moves).map_err(|source| RetraceError::Move { step, source })?;
+            }
+            episode.retrace([state]);
+            each(step, &episode);
+        }
+        Ok(episode)
+    }
+
     /// Its states with what brought it there, as [`episode::Episode::retrace`] takes them.
     pub fn steps(&self) -> impl Iterator<Item = (PlanState, Option<Control>)> {
         self.states.iter().copied().zip(self.controls.iter().copied().map(Some))

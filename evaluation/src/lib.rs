@@ -10,6 +10,7 @@
 //! | [`predictions`] | predictions made in a drive against what the agents then did |
 //! | [`recorded`] | a recording's messages, for both of these |
 //! | [`drives`] | the drives of a finished run beside their scenes, for whoever judges them again |
+//! | [`traffic`] | agents that reacted, held to what the log has them do |
 //! | [`validity`] | where a replayed agent would have had to react to the AV, and what figures are worth without those steps |
 //! | [`score`](mod@score) | every score from one drive: ours and other tools' |
 //! | [`replay`] | an episode driven again: by the plans of its recording, or by its nodes |
@@ -32,4 +33,5 @@ pub mod report;
 pub mod scenes;
 pub mod score;
 pub mod table;
+pub mod traffic;
 pub mod validity;

@@ -102,7 +102,7 @@ fn write_a_run_to_measure() {
 }
 
 #[test]
-fn a_run_whose_agents_reacted_is_not_judged_among_agents_that_did_not() {
+fn a_run_that_does_not_say_where_its_agents_were_that_reacted_is_refused() {
     let root = tempfile::tempdir().unwrap();
     let folder = run(root.path(), "strict", true);
     let path = folder.join("run.toml");
@@ -114,7 +114,7 @@ fn a_run_whose_agents_reacted_is_not_judged_among_agents_that_did_not() {
     );
     fs::write(&path, reacting).unwrap();
     let refused = Run::open(&folder, &[]).unwrap().each(&[], |index, _| index).unwrap_err().to_string();
-    assert!(refused.contains("reacted (traffic idm)") && refused.contains("hint: "), "{refused}");
+    assert!(refused.contains("has no column reactive") && refused.contains("hint: "), "{refused}");
 }
 
 #[test]

@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use arrow_array::builder::StringBuilder;
-use arrow_array::{ArrayRef, BooleanArray, Float64Array, RecordBatch, UInt32Array};
+use arrow_array::{Array as _, ArrayRef, BooleanArray, Float64Array, RecordBatch, UInt32Array};
 use arrow_schema::{ArrowError, DataType, Field, Schema};
 use episode::guidance::STEP_US;
 use episode::metrics::METRICS;
 use wire::proto::{AgentState, StepRecord};
 
+use super::moves;
 use super::part::{Part, Timing, reason_name};
 use crate::settings::{SceneLine, Settings};
 
@@ -210,6 +211,9 @@ pub fn steps(common: Common<'_>, episodes: &[Episode<'_>]) -> Result<RecordBatch
     }
     if common.traffic.is_some() {
         table.count("reactive_agents", records().map(|record| record.reactive));
+        let moved = parts().flat_map(|part| (0..part.records.len()).map(|step| part.moved.get(step)));
+        let moved = moves::column(moved.map(|moves| moves.map_or(&[][..], |moves| &moves.agents)));
+        table.add(moves::COLUMN, moved.data_type().clone(), false, Arc::new(moved));
     }
     let events = |part: &Part, record: &StepRecord| events_at(part, record.step);
     table.text("events", parts().flat_map(|part| part.records.iter().map(move |record| events(part, record))));

@@ -8,6 +8,7 @@
 //! | [`hold`] | who works in a folder: one sim, or several shards |
 //! | [`part`] | one finished episode, kept until the run is complete |
 //! | [`columns`] | the rows of each file: names, units, types |
+//! | [`moves`] | where those were that reacted |
 //! | [`parquet`] | written so that the same rows are the same bytes, and read back |
 //! | [`survey`] | what is missing in a run that is not complete |
 //! | [`gather`] | a run from several folders |
@@ -28,6 +29,7 @@ pub mod folder;
 pub mod gather;
 pub mod hold;
 mod merge;
+pub mod moves;
 pub mod parquet;
 pub mod part;
 pub mod settings;

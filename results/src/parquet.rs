@@ -138,7 +138,7 @@ impl Table {
         self.column(name, &DataType::Float64, |array| array.as_primitive::<Float64Type>().iter().collect())
     }
 
-    fn column<T>(
+    pub(crate) fn column<T>(
         &self,
         name: &str,
         kind: &DataType,

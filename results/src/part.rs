@@ -2,7 +2,7 @@
 
 use prost::Message;
 use sha2::{Digest, Sha256};
-use wire::proto::{AgentState, EndReason, EpisodeEnd, Event, StepRecord};
+use wire::proto::{AgentState, EndReason, EpisodeEnd, Event, StepRecord, TrafficMoves};
 
 use crate::files::hexadecimal;
 
@@ -54,6 +54,9 @@ pub struct Part {
     /// Which run it is of, see [`crate::settings::RunFile::identity`].
     #[prost(string, tag = "14")]
     pub run_sha256: String,
+    /// Where those were that reacted, step by step; nothing in replay.
+    #[prost(message, repeated, tag = "15")]
+    pub moved: Vec<TrafficMoves>,
 }
 
 /// The plans of an episode under a latency.
@@ -176,7 +179,7 @@ impl Part {
         Standing { failed: self.failed(), unrecorded: !self.recording_error.is_empty() }
     }
 
-    /// SHA-256 over the encoded end, records and events, each with its length before it.
+    /// SHA-256 over the encoded end, records, events and moves, each with its length before it.
     #[must_use]
     pub fn digest(&self) -> String {
         let mut hash = Sha256::new();
@@ -184,6 +187,7 @@ impl Part {
         add(self.end.as_ref().map(Message::encode_length_delimited_to_vec).unwrap_or_default());
         self.records.iter().for_each(|record| add(record.encode_length_delimited_to_vec()));
         self.events.iter().for_each(|event| add(event.encode_length_delimited_to_vec()));
+        self.moved.iter().for_each(|moves| add(moves.encode_length_delimited_to_vec()));
         hexadecimal(&hash.finalize())
     }
 }

@@ -58,7 +58,7 @@ pub enum Command {
     /// Ask drivers for plans at frames of the log and judge them, without driving
     ///
     /// The paper's Table I: a line a driver and one of the human; docs/open-loop.md defines each figure. Exits with 1 when a driver had
-    /// no plan at some frame.
+    /// no plan at some frame. With --traffic finished runs are read instead: were the agents believable that reacted? docs/traffic.md has the figures.
     Evaluate(Box<EvaluateArgs>),
     /// Make runs of what shards have driven
     ///
@@ -512,15 +512,26 @@ impl FromStr for Entrant {
 #[derive(Debug, Args)]
 pub struct EvaluateArgs {
     /// Plans are asked for once a second of the log, and never driven
-    #[arg(long, required = true)]
+    #[arg(long, required_unless_present = "traffic")]
     pub open_loop: bool,
+
+    /// Nobody is asked: are the agents believable that reacted in finished runs, each PATH a run's folder?
+    #[arg(
+        long,
+        requires = "paths",
+        conflicts_with_all = [
+            "open_loop", "drivers", "planner_command", "predictor", "features", "definitions", "out", "parallel", "in_process", "pin",
+            "deadline", "start_timeout",
+        ]
+    )]
+    pub traffic: bool,
 
     /// Scenes, as for `sim run` [default: the built-in demo set]
     #[arg(value_name = "PATH", help_heading = "What to ask")]
     pub paths: Vec<String>,
 
-    /// Scenes, as PATH is; takes all that follows up to the next option
-    #[arg(long, value_name = "PATH", num_args = 1.., conflicts_with = "paths", help_heading = "What to ask")]
+    /// Scenes, as PATH is; takes all that follows up to the next option. With --traffic, where the runs' scenes are now
+    #[arg(long, value_name = "PATH", num_args = 1.., help_heading = "What to ask")]
     pub scenarios: Vec<String>,
 
     /// Who is asked, a line of the table each: drivers of `sim run`, each `[LABEL:]DRIVER[=WEIGHTS]`

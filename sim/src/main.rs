@@ -15,7 +15,7 @@ use evaluation::latency;
 use evaluation::scenes::{self, Scenes};
 use evaluation::score;
 use evaluation::table::{self, TableFormat};
-use evaluation::validity;
+use evaluation::{traffic, validity};
 use results::files;
 use results::summary::{Summary, SummaryError};
 use sim::cli::{
@@ -195,11 +195,22 @@ fn plot_latency(runs: &[Summary], path: &Path, console: &Console) -> anyhow::Res
 
 /// Prints what plans are worth that are not driven.
 fn evaluate(arguments: EvaluateArgs, clock: WallClock, console: &Console) -> anyhow::Result<ExitCode> {
+    if arguments.traffic {
+        return print_realism(&arguments);
+    }
     let evaluation = Evaluation::resolve(arguments, cores())?;
     let interrupts = Interrupts::catch()?;
     let found = sim::evaluate::evaluate(&evaluation, width(), clock, console, &interrupts)?;
     terminal::say(&found.table)?;
     Ok(if found.clean { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// Prints whether the agents that reacted are believable.
+fn print_realism(arguments: &EvaluateArgs) -> anyhow::Result<ExitCode> {
+    let runs = arguments.paths.iter().map(|folder| traffic::Figures::of(folder.as_ref(), &arguments.scenarios));
+    let runs = runs.collect::<Result<Vec<_>, _>>()?;
+    terminal::say(&traffic::render(&runs, arguments.format))?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// The finished runs among these folders; what is not finished is passed over where others are.

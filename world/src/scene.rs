@@ -382,6 +382,20 @@ impl Scene {
         &self.parts.tracks_to_predict
     }
 
+    /// The same scene in which these tracks, by their places, were in these states: one a step, none beyond those given.
+    #[must_use]
+    pub fn with_states(&self, states: impl IntoIterator<Item = (usize, Vec<Option<AgentState>>)>) -> Self {
+        let mut scene = self.clone();
+        for (place, mut states) in states {
+            states.resize(self.steps(), None);
+            if let Some(track) = scene.parts.tracks.get_mut(place) {
+                track.states = states;
+                scene.without_size.retain(|(track, _), _| *track != place);
+            }
+        }
+        scene
+    }
+
     /// The parts again, to be changed and checked anew.
     #[must_use]
     pub fn into_parts(self) -> SceneParts {

@@ -152,7 +152,7 @@ impl Referee {
     }
 
     fn judge_contact(&mut self, moment: &Moment<'_>, agent: &TrafficAgent, advance: &mut Advance) {
-        let Moment { human, log_index, av, .. } = *moment;
+        let Moment { course, human, log_index, av, .. } = *moment;
         let Advance { record, events, .. } = advance;
         let contact = classify(av, self.wheelbase, agent);
         let at_fault = is_at_fault(contact, record.in_one_lane) && !agent.sudden;
@@ -177,8 +177,9 @@ impl Referee {
             (false, false) => "not at fault",
         };
         let what = describe(contact);
+        let which = if course.traffic.reacts(agent.track) { " (it reacts)" } else { "" };
         events.push(proto::Event {
-            text: format!("{what} {kind} {track} at {relative_speed:.1} m/s, {whose}{}", aside(netted)),
+            text: format!("{what} {kind} {track}{which} at {relative_speed:.1} m/s, {whose}{}", aside(netted)),
             track: Some(track.0),
             contact: contact.into(),
             at_fault,

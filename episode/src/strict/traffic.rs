@@ -88,6 +88,12 @@ impl Traffic {
         self.is_left[track] = true;
     }
 
+    /// Whether track number `track` reacts now, and is not replayed.
+    #[must_use]
+    pub fn reacts(&self, track: usize) -> bool {
+        self.reacting.iter().any(|agent| agent.track == track)
+    }
+
     /// Calls `visit` with each agent at `log_index` whose reach and `reach` (m) around `center` meet: those whom the log drives in its order,
     /// then those who react.
     pub fn for_each_near(&self, log_index: usize, center: Point, reach: f64, mut visit: impl FnMut(&TrafficAgent)) {

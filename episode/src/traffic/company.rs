@@ -1,12 +1,13 @@
 //! The agents that are taken over: who, where they are, where they go, who leaves.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use wire::proto;
 use world::observation::ObservedAgent;
 use world::reference_line::ReferenceLine;
 use world::scene::bridged::{Bridged, SeenAgent};
-use world::scene::{AgentKind, TrackId};
+use world::scene::{AgentKind, AgentState, Scene, TrackId};
 use world::traffic::{MoveError, Moves, Taken, UncheckedMoves, Way, Ways};
 
 use super::TrafficSettings;
@@ -81,6 +82,8 @@ pub(crate) struct Company {
     next: Option<Moves>,
     /// Tracks for which there was no room to appear, until the judges know.
     barred: Vec<usize>,
+    /// The states of those who have been taken over, or have left, by track: as logged until then, and none in the future.
+    elsewhere: BTreeMap<usize, Vec<Option<AgentState>>>,
     /// Whether the AV has left the log.
     av_left: bool,
 }
@@ -96,6 +99,7 @@ impl Company {
             tracks: Vec::new(),
             next: None,
             barred: Vec::new(),
+            elsewhere: BTreeMap::new(),
             av_left: false,
             bridged: Arc::clone(bridged),
             settings,
@@ -137,8 +141,9 @@ impl Company {
         if moves.moves().len() != self.taken.len() {
             return Err(self.taken.len());
         }
-        for (agent, told) in self.taken.iter_mut().zip(moves.moves()) {
-            agent.state = told.state;
+        for (place, told) in moves.moves().iter().enumerate() {
+            self.taken[place].state = told.state;
+            self.elsewhere(self.tracks[place].0, log_index)[log_index] = Some(told.state);
         }
         self.show(log_index, traffic);
         let told = |agent: &Taken| {
@@ -154,6 +159,20 @@ impl Company {
         traffic.react(agents.map(|(agent, (track, sudden_until))| {
             TrafficAgent::of(*track, agent.kind, &agent.state, log_index < *sudden_until)
         }));
+    }
+
+    /// The scene as it was driven up to now.
+    pub(crate) fn driven_scene(&self) -> Scene {
+        self.bridged.logged().with_states(self.elsewhere.iter().map(|(track, states)| (*track, states.clone())))
+    }
+
+    /// The states of a track of which the log says nothing from `log_index` on.
+    fn elsewhere(&mut self, track: usize, log_index: usize) -> &mut Vec<Option<AgentState>> {
+        self.elsewhere.entry(track).or_insert_with(|| {
+            let mut states = self.bridged.logged().tracks()[track].states.clone();
+            states[log_index..].fill(None);
+            states
+        })
     }
 
     /// Lets those leave who are done, and takes over who is due.
@@ -174,6 +193,7 @@ impl Company {
             if has_no_room(agent, &others) || self.av_left && has_no_room(agent, std::slice::from_ref(&av)) {
                 self.driven[agent.track] = Driven::Gone;
                 self.barred.push(agent.track);
+                self.elsewhere(agent.track, sight.log_index + 1);
                 continue;
             }
             let lately = (sight.log_index + 1).saturating_sub(KNOWN)..=sight.log_index;
@@ -215,12 +235,7 @@ impl Company {
     }
 
     /// The way of a track that is in `state`, and the sample where it is.
-    fn course(
-        &mut self,
-        track: usize,
-        log_index: usize,
-        state: &world::scene::AgentState,
-    ) -> Option<(Arc<Way>, usize)> {
+    fn course(&mut self, track: usize, log_index: usize, state: &AgentState) -> Option<(Arc<Way>, usize)> {
         let scene = self.bridged.judged();
         if let Course::Unasked = self.courses[track] {
             let logged = &scene.tracks()[track];

@@ -43,6 +43,8 @@ pub struct Figures {
     pub driver: String,
     /// The rules.
     pub protocol: &'static str,
+    /// Who drives the agents that react; none in replay.
+    pub traffic: Option<String>,
     /// Each scene, and what was found; none where nothing was driven or the driver failed.
     pub episodes: Vec<(String, Option<Checked>)>,
     /// All metrics that some episode defines.
@@ -68,6 +70,7 @@ impl Figures {
             folder: folder.to_owned(),
             driver: run.file.settings.driver.clone(),
             protocol: protocol.name(),
+            traffic: run.file.settings.traffic.as_ref().map(|traffic| traffic.node.name.clone()),
             episodes,
         })
     }

@@ -22,6 +22,7 @@ pub fn write(path: &Path, runs: &[Figures]) -> Result<(), ParquetError> {
         table.count("log_index", steps.iter().map(|step| step.log_index));
         table.flag("must_react", steps.iter().map(|step| !step.is_valid()));
         table.flag("drives_through", steps.iter().map(Step::is_driven_through));
+        table.count("reacted", steps.iter().map(|step| step.reacted));
         let tracks = |step: &Step| step.reacting.iter().map(|agent| agent.track.to_string()).collect::<Vec<_>>();
         table.text("tracks", steps.iter().map(|step| tracks(step).join(" ")));
         let least = |step: &Step| step.reacting.iter().map(|agent| agent.time).reduce(f64::min);

@@ -24,12 +24,11 @@ use episode::judges::reaction::must_react;
 use episode::metrics::Counted;
 use episode::protocol::Protocol;
 use episode::strict::traffic::Traffic;
-use episode::{Episode, Undrivable};
 use world::geometry::{Point, Segment};
 use world::scene::bridged::Bridged;
 use world::scene::{Scene, TrackId};
 
-use crate::drives::Driven;
+use crate::drives::{Driven, RetraceError};
 
 pub use figures::{Figures, Stray};
 pub use table::{render, scenes};
@@ -41,8 +40,10 @@ pub struct Step {
     pub step: u32,
     /// Log index of the moment after it.
     pub log_index: u32,
-    /// Agents that would have had to react to the AV, and not to the logged AV too, in the order of the log.
+    /// Replayed agents that would have had to react to the AV, and not to the logged AV too, in the order of the log.
     pub reacting: Vec<Reacting>,
+    /// How many agents were not replayed, and did what they had to.
+    pub reacted: u32,
     /// Distance (m) to where the logged AV is at that moment; none where it is not there.
     pub from_log: Option<f64>,
     /// Distance (m) to the path of the logged AV, whenever it is there; none without one.
@@ -84,16 +85,17 @@ pub struct Checked {
 /// Checks a drive under `protocol`.
 ///
 /// # Errors
-/// [`Undrivable`] where its scene cannot be driven, so that nothing was.
-pub fn check(driven: &Driven, protocol: &Protocol) -> Result<Checked, Undrivable> {
-    let mut episode = Episode::new(Arc::clone(&driven.scene), protocol)?;
+/// [`RetraceError`] where its scene cannot be driven, so that nothing was.
+pub fn check(driven: &Driven, protocol: &Protocol) -> Result<Checked, RetraceError> {
     let around = Around::of(&driven.scene);
     let mut steps = Vec::with_capacity(driven.states.len());
-    for (step, state) in driven.steps().enumerate() {
-        episode.retrace([state]);
-        let step = step as u32;
-        steps.push(around.step(step, driven.start + step + 1, &Body::of(*episode.av())));
-    }
+    let episode = driven.retrace(protocol, |step, episode| {
+        let mut own = around.step(step, driven.start + step + 1, &Body::of(*episode.av()));
+        let reacts = driven.moved.get(step as usize).map_or(&[][..], |moved| moved);
+        own.reacting.retain(|agent| reacts.iter().all(|other| other.track != agent.track));
+        own.reacted = reacts.len() as u32;
+        steps.push(own);
+    })?;
     let flags: Vec<bool> = steps.iter().map(Step::is_valid).collect();
     Ok(Checked { without: episode.measure(Counted::only(&flags)), steps })
 }
@@ -138,6 +140,7 @@ impl Around {
             step,
             log_index,
             reacting,
+            reacted: 0,
             from_log: logged.map(|state| state.position().distance(center)),
             from_path: from_path.map(f64::sqrt),
         }

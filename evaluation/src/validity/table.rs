@@ -149,6 +149,11 @@ fn head(run: &Figures, format: TableFormat) -> String {
         ),
         format!("to the AV; at {through} of them it drives through it."),
     ];
+    let reacted: u32 = steps().map(|step| step.reacted).sum();
+    if let Some(traffic) = &run.traffic {
+        let steps = steps().filter(|step| step.reacted > 0).count();
+        lines.push(format!("Others reacted (traffic {traffic}): {reacted} times an agent, at {steps} steps."));
+    }
     if let Some(stray) = run.stray() {
         lines.push(format!(
             "The AV is {:.1} m from where the log has it, on average ({:.1} m at most), and {:.1} m from its path.",

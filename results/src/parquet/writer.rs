@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use arrow_array::RecordBatch;
-use arrow_schema::{ArrowError, SchemaRef};
+use arrow_schema::{ArrowError, DataType, FieldRef, SchemaRef};
 use parquet::arrow::ArrowWriter;
-use parquet::arrow::arrow_writer::{ArrowRowGroupWriterFactory, compute_leaves};
+use parquet::arrow::arrow_writer::{ArrowColumnWriter, ArrowRowGroupWriterFactory, compute_leaves};
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::errors::ParquetError as Encoding;
 use parquet::file::properties::WriterProperties;
@@ -122,34 +122,46 @@ impl Writer {
 
     fn encode(&mut self, last: &Pile) -> Result<(), Encoding> {
         let kept = self.scratch.take().map(Scratch::read).transpose()?;
-        let encoders = self.columns.create_column_writers(self.file.flushed_row_groups().len())?;
+        let mut encoders = self.columns.create_column_writers(self.file.flushed_row_groups().len())?.into_iter();
         let mut group = self.file.next_row_group()?;
-        let mut columns = self.schema.fields().iter().zip(encoders).enumerate().peekable();
+        let of = |field| (field, encoders.by_ref().take(leaves(field)).collect::<Vec<_>>());
+        let mut columns = self.schema.fields().iter().map(of).enumerate().peekable();
         while columns.peek().is_some() {
-            let some = columns.by_ref().take(SIDE_BY_SIDE).map(|(column, (field, encoder))| {
+            let some = columns.by_ref().take(SIDE_BY_SIDE).map(|(column, (field, encoders))| {
                 let mut pieces = kept.as_ref().map_or(Ok(Vec::new()), |kept| kept.column(column))?;
                 pieces.push((Arc::clone(last.rows.column(column)), &last.lengths));
-                Ok((field, encoder, pieces))
+                Ok((field, encoders, pieces))
             });
             let some: Vec<_> = some.collect::<Result<_, Encoding>>()?;
-            let encoded = some.into_par_iter().map(|(field, mut encoder, pieces)| {
+            let encoded = some.into_par_iter().map(|(field, mut encoders, pieces)| {
                 for (values, lengths) in pieces {
                     let mut from = 0;
                     for length in lengths {
-                        for leaf in compute_leaves(field, &values.slice(from, *length))? {
-                            encoder.write(&leaf)?;
+                        for (leaf, encoder) in
+                            compute_leaves(field, &values.slice(from, *length))?.iter().zip(&mut encoders)
+                        {
+                            encoder.write(leaf)?;
                         }
                         from += length;
                     }
                 }
-                encoder.close()
+                encoders.into_iter().map(ArrowColumnWriter::close).collect::<Result<Vec<_>, Encoding>>()
             });
-            for chunk in encoded.collect::<Result<Vec<_>, Encoding>>()? {
+            for chunk in encoded.collect::<Result<Vec<_>, Encoding>>()?.into_iter().flatten() {
                 chunk.append_to_row_group(&mut group)?;
             }
         }
         group.close()?;
         Ok(())
+    }
+}
+
+/// How many columns of a file a field is.
+fn leaves(field: &FieldRef) -> usize {
+    match field.data_type() {
+        DataType::List(member) => leaves(member),
+        DataType::Struct(fields) => fields.iter().map(leaves).sum(),
+        _ => 1,
     }
 }
 
@@ -176,15 +188,24 @@ mod tests {
     use std::fs;
 
     use arrow_array::{ArrayRef, BooleanArray, Float64Array, StringArray};
+    use wire::proto::Agent;
 
     use super::*;
+    use crate::moves;
 
     /// Rows of all kinds that hardly repeat, from the row `first` on.
     fn batch(first: usize, rows: usize) -> RecordBatch {
         let rows = first..first + rows;
         let text = |row: usize| if row.is_multiple_of(3) { String::new() } else { format!("row {row}") };
         let number = |row: usize| (!row.is_multiple_of(7)).then_some((row as f64).sqrt());
-        let columns: [(&str, ArrayRef, bool); 3] = [
+        let agents = |row: usize| {
+            let agent =
+                |track: usize| Agent { track: track as i32, state: Some(Default::default()), ..Agent::default() };
+            (0..row % 4).map(agent).collect::<Vec<_>>()
+        };
+        let agents: Vec<Vec<Agent>> = rows.clone().map(agents).collect();
+        let columns: [(&str, ArrayRef, bool); 4] = [
+            ("lists", Arc::new(moves::column(agents.iter().map(Vec::as_slice))), false),
             ("text", Arc::new(StringArray::from_iter_values(rows.clone().map(text))), false),
             ("number", Arc::new(Float64Array::from_iter(rows.clone().map(number))), true),
             ("flag", Arc::new(BooleanArray::from(rows.map(|row| row.is_multiple_of(5)).collect::<Vec<_>>())), false),

@@ -39,6 +39,8 @@ pub enum EvaluationError {
         "no driver of --drivers has the predictor network, so --features says nothing\nhint: leave it out, or add --drivers dipp"
     )]
     NoNetwork,
+    #[error("scenes are given twice: as PATH and by --scenarios\nhint: leave one of them out")]
+    ScenesTwice,
     #[error("nobody is asked\nhint: --drivers dipp,idm or --planner-command COMMAND")]
     Nobody,
 }
@@ -49,6 +51,9 @@ impl Evaluation {
     /// # Errors
     /// [`EvaluationError`].
     pub fn resolve(arguments: EvaluateArgs, cores: u16) -> Result<Self, EvaluationError> {
+        if !arguments.paths.is_empty() && !arguments.scenarios.is_empty() {
+            return Err(EvaluationError::ScenesTwice);
+        }
         let own = arguments.planner_command.clone().map(|command| {
             let driver = drivers::DEFAULT.to_owned(); // not asked: the command is
             let own = Entrant { driver, planner_command: Some(command), ..Entrant::default() };
@@ -155,6 +160,7 @@ mod tests {
         let requests = Evaluation::resolve(*arguments, 2).unwrap().requests;
         assert_eq!(requests.iter().map(|request| &*request.settings.driver).collect::<Vec<_>>(), ["idm", "mine"]);
         assert!(matches!(resolve("--drivers idm,idm"), Err(EvaluationError::Twice(_))));
+        assert!(matches!(resolve("--drivers idm a --scenarios b"), Err(EvaluationError::ScenesTwice)));
         assert!(matches!(resolve(""), Err(EvaluationError::Nobody)));
     }
 }

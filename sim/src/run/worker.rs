@@ -309,6 +309,7 @@ impl Worker<'_> {
             end: Some(outcome.end),
             records: outcome.records,
             events: outcome.events,
+            moved: outcome.moved,
             start: Some(start),
             start_log_index,
             recorded: record,

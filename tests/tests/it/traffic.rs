@@ -1,5 +1,10 @@
 //! Agents that react: the same bytes however a run is driven, and what a process costs that drives them badly.
 
+use std::sync::Arc;
+
+use episode::Episode;
+use episode::metrics::{Counted, METRICS};
+use evaluation::drives::Run;
 use results::parquet::Table;
 
 use crate::stage::{Ended, Stage, assert_same, program};
@@ -33,6 +38,46 @@ fn a_reactive_drive_is_driven_again_by_its_recording() {
     );
     let ended = stage.good_sim("replay run");
     assert!(ended.out.contains("the same"), "{}", ended.out);
+}
+
+#[test]
+fn a_reactive_run_is_judged_again_among_those_who_reacted() {
+    let stage = Stage::new();
+    let run = "run --scenarios small.toml --driver constant-velocity --in-process --record none";
+    stage.good_sim(&format!("{run} --traffic mixed --out run"));
+    let scenes = stage.path("small.toml").display().to_string();
+    let read = Run::open(&stage.path("run"), &[scenes]).unwrap();
+    let told = read.results.numbers().unwrap();
+    let protocol = &read.file.settings.protocol;
+    let others = read.each(&[], |index, driven| {
+        let driven = driven.unwrap();
+        let again = driven.retrace(protocol, |_, _| ()).unwrap().measure(Counted::ALL);
+        let mut among = Episode::new(Arc::clone(&driven.scene), protocol).unwrap();
+        among.retrace(driven.steps());
+        for ((metric, again), replayed) in METRICS.iter().zip(again).zip(among.measure(Counted::ALL)) {
+            assert_eq!(again, told[metric.name][index], "{} of {}", metric.name, driven.scene.id());
+            assert_eq!(replayed, again, "{} of {}, replayed among them", metric.name, driven.scene.id());
+        }
+        driven.scene.tracks() != driven.logged.tracks()
+    });
+    assert!(others.unwrap().contains(&true));
+
+    stage.good_sim(&format!("{run} --out replayed"));
+    let validity = stage.good_sim("validity run").out;
+    assert!(validity.contains("Others reacted (traffic mixed): "), "{validity}");
+    let scores = stage.good_sim("score run --as navsim,waymax,alpasim").out;
+    assert!(scores.contains("constant-velocity"), "{scores}");
+    let realism = stage.good_sim("evaluate --traffic replayed run --format csv").out;
+    let of = |figure: &str, run: usize| {
+        let line = realism.lines().filter(|line| line.contains(figure)).nth(run).unwrap_or_else(|| panic!("{realism}"));
+        line.split(',').nth(5).unwrap().parse::<f64>().ok()
+    };
+    assert_eq!((of("agents that reacted", 0), of("headway", 0)), (None, None));
+    assert_eq!(of("their steps", 1), Some(f64::from(reacted(&stage, "run").iter().sum::<u32>())));
+    let [replayed, reactive] = [0, 1].map(|run| of("would have had to react", run).unwrap());
+    assert!(reactive < replayed, "{realism}");
+    let refused = stage.sim("evaluate --traffic run --drivers idm");
+    assert!(refused.code == Some(2) && refused.err.contains("cannot be used with"), "{refused:?}");
 }
 
 #[test]
