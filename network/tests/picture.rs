@@ -1,14 +1,12 @@
-//! What the policy of `cql` is shown of a generated scene, drive by drive the same; and how long that takes.
+//! What the policy of `cql` is shown of a generated scene, drive by drive the same. How long that takes: `benches/picture.rs`.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::fmt::Write;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
 use episode::Episode;
 use episode::protocol::{Protocol, StrictSettings};
 use network::cql::{CHANNELS, Painter, SIDE};
-use scenarios::SceneSet;
 use scenarios::generated::FAMILIES;
 use world::observation::HistoryStep;
 use world::scene::Scene;
@@ -73,27 +71,4 @@ fn a_signalled_junction_looks_as_it_did() {
         "map, route and signals\n{ground}\nothers\n{others}\nthe AV\n{av}\nsum of bytes by places {sum}\n"
     ));
     assert!(beginning.paint() == picture, "nothing of the picture before is left");
-}
-
-/// The mean of many pictures.
-fn pace(name: &str, scenes: impl Iterator<Item = Arc<Scene>>) {
-    let (mut spent, mut pictures, mut worst) = (Duration::ZERO, 0, Duration::ZERO);
-    for mut beginning in scenes.filter_map(Beginning::of) {
-        beginning.paint();
-        let started = Instant::now();
-        (0..20).for_each(|_| assert!(!beginning.paint().is_empty()));
-        let mean = started.elapsed() / 20;
-        (spent, pictures, worst) = (spent + mean, pictures + 1, worst.max(mean));
-    }
-    let mean = spent.checked_div(pictures).unwrap_or_default();
-    eprintln!("{name}: {mean:.2?} a picture, {worst:.2?} in the slowest of {pictures} scenes");
-}
-
-#[test]
-#[ignore = "measures: for a release build, with nothing else running"]
-fn how_long_a_picture_takes() {
-    pace("generated", FAMILIES.iter().map(|family| generated(family.name)));
-    let Some(folder) = vectors::shared("data/womd-derived/20s") else { return };
-    let set = SceneSet::open(&[folder.display().to_string()]).unwrap();
-    pace("real, 20 s", (0..set.entries().len()).map(|index| set.load(index).unwrap().0));
 }

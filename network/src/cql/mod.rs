@@ -8,11 +8,15 @@
 //! | file | what |
 //! | --- | --- |
 //! | `picture` | the scene around the AV from above, as numbers |
+//! | `ground` | of that, what does not move, as outlines; where in the picture a point is |
+//! | `brush` | outlines filled, fast |
 //! | `action` | the next pose, and the numbers that stand for it |
 //! | `shape` | layers of policy and critics, and the tensors that they have |
 //! | `policy` | the policy's weights in and out of files, and what it does, fast |
 
 mod action;
+mod brush;
+mod ground;
 mod picture;
 mod policy;
 mod shape;

@@ -13,15 +13,18 @@
 //! | 1 | all others as boxes, now and 0.5 s and 1 s before | 255, and 12 less for each step of 0.1 s that has passed |
 //! | 2 | the AV as a box, now and 0.2, 0.5, 1 and 1.5 s before | the same |
 //!
-//! Edges are smooth: a place that is covered in part has a part of the brightness. Drawn by [`tiny_skia`], in pure arithmetic: the same bytes everywhere.
+//! Edges are smooth: a place that is covered in part goes that part of the way to the brightness. Drawn by [`Brush`] in pure arithmetic, the same bytes
+//! everywhere, and without an allocation: outlines of what does not move are made once an episode ([`Ground`]), and filled anew at each step.
 
-use tiny_skia::{BlendMode, FillRule, LineJoin, Paint, Path, PathBuilder, PixmapMut, Stroke, Transform};
-use world::geometry::{OrientedBox, Point, Pose};
+use world::geometry::{OrientedBox, Point};
 use world::map::Map;
 use world::observation::HistoryStep;
 use world::reference_line::ReferenceLine;
 use world::scene::AgentState;
 use world::signal::{Signal, SignalState};
+
+use super::brush::Brush;
+use super::ground::{Ground, View, own};
 
 /// Places to a side of a picture.
 pub const SIDE: usize = 256;
@@ -34,26 +37,16 @@ pub const AGES: [u32; 5] = [15, 10, 5, 2, 0];
 
 /// How many steps before now others are shown.
 const AGES_OF_OTHERS: [u32; 3] = [10, 5, 0];
-/// Places a metre.
-const SCALE: f64 = 4.0;
-/// Where the AV is: across and down.
-const AV: [f64; 2] = [128.0, 192.0];
 /// Nothing farther from the AV is seen (m).
 const REACH: f64 = 58.0;
-/// Points of a line are this far apart (m): on an arc of 10 m they leave it by 5 cm.
-const SPACING: f64 = 2.0;
 /// Somebody whose size the log does not say has this (m).
 const LEAST_SIZE: f64 = 0.6;
 
 /// Draws the pictures of one episode.
 #[derive(Clone, Debug)]
 pub struct Painter {
-    /// What paths are relative to: single precision would be coarse far from the log's origin.
-    origin: Point,
-    /// What does not move, and how bright it is.
-    ground: Vec<(Path, u8)>,
-    /// Red, green, blue, opacity.
-    pixels: Vec<u8>,
+    ground: Ground,
+    brush: Brush,
     picture: Vec<u8>,
 }
 
@@ -61,28 +54,7 @@ impl Painter {
     /// For a map and the line along the route.
     #[must_use]
     pub fn new(map: &Map, line: &ReferenceLine) -> Self {
-        let origin = map.lanes.iter().flat_map(|lane| lane.centerline.first()).map(|point| point.xy()).next();
-        let mut painter = Self {
-            origin: origin.unwrap_or_default(),
-            ground: Vec::new(),
-            pixels: vec![0; SIDE * SIDE * 4],
-            picture: vec![0; PICTURE],
-        };
-        for lane in map.lanes.iter().filter(|lane| lane.kind.is_drivable()) {
-            painter.line(lane.centerline.iter().map(|point| point.xy()), 3.5, 60);
-        }
-        for area in &map.crosswalks {
-            let corners: Vec<[f32; 2]> = area.polygon.iter().map(|corner| painter.own(corner.xy())).collect();
-            painter.ground.extend(polygon(&corners).map(|path| (path, 90)));
-        }
-        for edge in &map.road_edges {
-            painter.line(edge.polyline.iter().map(|point| point.xy()), 0.4, 120);
-        }
-        for sign in &map.stop_signs {
-            painter.ground.extend(painter.disc(sign.position.xy(), 1.0).map(|path| (path, 150)));
-        }
-        painter.line((0..line.len()).map(|index| line.point(index)), 1.0, 180);
-        painter
+        Self { ground: Ground::new(map, line), brush: Brush::new(), picture: vec![0; PICTURE] }
     }
 
     /// The picture at the last of `steps`, in which earlier ones are found by their log index. Rows from the front to the back, in each from left to
@@ -92,12 +64,8 @@ impl Painter {
         steps: impl DoubleEndedIterator<Item = &'h HistoryStep>,
         signals: impl Iterator<Item = Signal>,
     ) -> &[u8] {
-        self.pixels.as_chunks_mut::<4>().0.fill([0, 0, 0, 255]);
+        self.picture.fill(0);
         self.draw(steps, signals);
-        let pixels = self.pixels.as_chunks::<4>().0;
-        for (place, [red, green, blue, _]) in self.picture.as_chunks_mut::<CHANNELS>().0.iter_mut().zip(pixels) {
-            *place = [*red, *green, *blue];
-        }
         &self.picture
     }
 
@@ -109,24 +77,18 @@ impl Painter {
         let mut steps = steps.rev().peekable();
         let Some(now) = steps.peek().copied() else { return };
         let pose = now.av.pose();
-        let discs: Vec<(Path, u8)> = signals
-            .filter_map(|Signal { state, stop_point, .. }| {
-                let shade = match state {
-                    SignalState::Stop | SignalState::ArrowStop | SignalState::FlashingStop => 255,
-                    SignalState::Caution | SignalState::ArrowCaution | SignalState::FlashingCaution => 225,
-                    SignalState::Go | SignalState::ArrowGo => 200,
-                    SignalState::Unknown => return None,
-                };
-                Some((self.disc(stop_point.xy(), 1.5)?, shade))
-            })
-            .collect();
-        let own = self.own(now.av.position()).map(f64::from);
-        let Some(pixels) = PixmapMut::from_bytes(&mut self.pixels, SIDE as u32, SIDE as u32) else { return };
-        let mut brush = Brush { pixels, view: view(pose, self.origin) };
-        for (path, shade) in self.ground.iter().chain(&discs) {
-            if is_near(path, own) {
-                brush.fill(path, [*shade, 0, 0]);
-            }
+        let view = View::new(pose, self.ground.origin);
+        self.ground.draw(&view, &mut self.brush, &mut self.picture);
+        for Signal { state, stop_point, .. } in signals {
+            let shade = match state {
+                SignalState::Stop | SignalState::ArrowStop | SignalState::FlashingStop => 255,
+                SignalState::Caution | SignalState::ArrowCaution | SignalState::FlashingCaution => 225,
+                SignalState::Go | SignalState::ArrowGo => 200,
+                SignalState::Unknown => continue,
+            };
+            let corners = self.ground.disc(stop_point.xy(), 1.5);
+            self.brush.outline(corners.map(|corner| view.place(corner)));
+            self.brush.fill(&mut self.picture, 0, shade);
         }
         for step in steps {
             let age = now.log_index.saturating_sub(step.log_index);
@@ -135,97 +97,22 @@ impl Painter {
             }
             let shade = 255 - 12 * age as u8;
             if AGES_OF_OTHERS.contains(&age) {
-                let near = step
-                    .agents
-                    .iter()
-                    .filter(|agent| agent.state.position().distance(pose.position()) < REACH + agent.state.length);
-                near.for_each(|agent| brush.agent(&agent.state, self.origin, [0, shade, 0]));
+                let others = step.agents.iter().map(|agent| &agent.state);
+                let near = others.filter(|other| other.position().distance(pose.position()) < REACH + other.length);
+                near.for_each(|other| self.agent(other, &view, 1, shade));
             }
             if AGES.contains(&age) {
-                brush.agent(&step.av, self.origin, [0, 0, shade]);
+                self.agent(&step.av, &view, 2, shade);
             }
         }
     }
 
-    /// Adds a line of so many metres across.
-    fn line(&mut self, points: impl Iterator<Item = Point>, width: f32, shade: u8) {
-        let mut builder = PathBuilder::new();
-        let mut before: Option<Point> = None;
-        let mut points = points.peekable();
-        while let Some(point) = points.next() {
-            let [x, y] = self.own(point);
-            match before {
-                None => builder.move_to(x, y),
-                Some(before) if points.peek().is_some() && before.distance(point) < SPACING => continue,
-                Some(_) => builder.line_to(x, y),
-            }
-            before = Some(point);
-        }
-        let stroke = Stroke { width, line_join: LineJoin::Bevel, ..Stroke::default() };
-        let outline = builder.finish().and_then(|path| path.stroke(&stroke, 1.0));
-        self.ground.extend(outline.map(|path| (path, shade)));
-    }
-
-    fn disc(&self, center: Point, radius: f32) -> Option<Path> {
-        let [x, y] = self.own(center);
-        PathBuilder::from_circle(x, y, radius)
-    }
-
-    fn own(&self, point: Point) -> [f32; 2] {
-        own(self.origin, point)
-    }
-}
-
-/// Fills paths that are relative to the origin.
-struct Brush<'p> {
-    pixels: PixmapMut<'p>,
-    view: Transform,
-}
-
-impl Brush<'_> {
-    fn fill(&mut self, path: &Path, [red, green, blue]: [u8; CHANNELS]) {
-        let mut paint = Paint { blend_mode: BlendMode::Lighten, ..Paint::default() };
-        paint.set_color_rgba8(red, green, blue, 255);
-        self.pixels.fill_path(path, &paint, FillRule::Winding, self.view, None);
-    }
-
-    fn agent(&mut self, state: &AgentState, origin: Point, colour: [u8; CHANNELS]) {
+    fn agent(&mut self, state: &AgentState, view: &View, channel: usize, shade: u8) {
         let shape = OrientedBox::new(state.pose(), state.length.max(LEAST_SIZE), state.width.max(LEAST_SIZE));
-        if let Some(path) = polygon(&shape.corners().map(|corner| own(origin, corner))) {
-            self.fill(&path, colour);
-        }
+        let corners = shape.corners().map(|corner: Point| view.place(own(self.ground.origin, corner)));
+        self.brush.outline(corners.into_iter());
+        self.brush.fill(&mut self.picture, channel, shade);
     }
-}
-
-fn own(origin: Point, point: Point) -> [f32; 2] {
-    let Point { x, y } = point - origin;
-    [x as f32, y as f32]
-}
-
-fn polygon(corners: &[[f32; 2]]) -> Option<Path> {
-    let mut builder = PathBuilder::new();
-    for (index, [x, y]) in corners.iter().enumerate() {
-        if index == 0 { builder.move_to(*x, *y) } else { builder.line_to(*x, *y) }
-    }
-    builder.close();
-    builder.finish()
-}
-
-/// From metres beyond `origin` to places: the AV heads up.
-fn view(av: Pose, origin: Point) -> Transform {
-    let forward = Point::unit(av.heading) * SCALE;
-    let offset = origin - av.position();
-    let (across, down) = (AV[0] - forward.cross(offset), AV[1] - forward.dot(offset));
-    let [sine, cosine] = [forward.y, forward.x].map(|part| part as f32);
-    Transform::from_row(sine, -cosine, -cosine, -sine, across as f32, down as f32)
-}
-
-/// Whether a path may be seen from `own`.
-fn is_near(path: &Path, [x, y]: [f64; 2]) -> bool {
-    let bounds = path.bounds();
-    let [left, top, right, bottom] = [bounds.left(), bounds.top(), bounds.right(), bounds.bottom()].map(f64::from);
-    let nearest = Point::new(x.clamp(left, right), y.clamp(top, bottom));
-    nearest.distance(Point::new(x, y)) < REACH
 }
 
 #[cfg(test)]
