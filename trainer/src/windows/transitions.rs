@@ -35,7 +35,7 @@ pub struct Drawn {
 
 impl Default for Drawn {
     fn default() -> Self {
-        Self { picture: 1 }
+        Self { picture: 2 } // 1: filled by tiny-skia, with other edges
     }
 }
 
