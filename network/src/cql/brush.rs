@@ -165,6 +165,31 @@ mod tests {
     }
 
     #[test]
+    fn tiny_skia_covers_the_same_but_for_its_samples() {
+        use tiny_skia::{FillRule, Paint, PathBuilder, Pixmap, Transform};
+        use world::pcg::Pcg32;
+
+        let mut draw = Pcg32::new(7, 0);
+        for _ in 0..100 {
+            let corners = [(); 3].map(|()| [draw.between(-60.0, 320.0) as f32, draw.between(-60.0, 320.0) as f32]);
+            let mut path = PathBuilder::new();
+            path.move_to(corners[0][0], corners[0][1]);
+            corners[1..].iter().for_each(|[x, y]| path.line_to(*x, *y));
+            path.close();
+            let mut pixels = Pixmap::new(SIDE as u32, SIDE as u32).unwrap();
+            let (paint, path) = (Paint { anti_alias: true, ..Paint::default() }, path.finish().unwrap());
+            pixels.fill_path(&path, &paint, FillRule::Winding, Transform::identity(), None);
+            let theirs = pixels.pixels().iter().map(|pixel| pixel.alpha());
+            let differences: Vec<u8> =
+                filled(&[&corners]).into_iter().zip(theirs).map(|(own, other)| own.abs_diff(other)).collect();
+            let mean =
+                differences.iter().map(|difference| f64::from(*difference)).sum::<f64>() / differences.len() as f64;
+            // It takes four samples down a place and sixteen across.
+            assert!(mean < 0.5 && differences.iter().all(|difference| *difference < 90), "{corners:?}: {mean}");
+        }
+    }
+
+    #[test]
     fn what_lies_outside_is_cut_off() {
         let (low, high) = (-1000.5, 3000.25);
         assert!(filled(&[&[[low, low], [high, low], [high, high], [low, high]]]).iter().all(|value| *value == 255));
