@@ -48,6 +48,21 @@ def message_observation(step: int, version_2: bool = False):
     return seen
 
 
+def message_taken(step: int, since: int = 0):
+    """The car of ``message_observation``, taken over at step ``since``: it goes along +x, on lane 7 at first."""
+    told = messages.TakenAgents(step=step)
+    one = told.agents.add(since_step=since)
+    one.agent.CopyFrom(message_observation(step).agents[0])
+    one.agent.state.height, one.agent.state.z = 1.5, 0.75
+    if step == since:
+        one.way.samples.x.extend(50.0 + 0.5 * k for k in range(100))
+        one.way.samples.y.extend([0.0] * 100)
+        one.way.samples.z.extend(0.01 * k for k in range(100))
+        one.way.lanes.add(lane=7)
+        one.way.lanes.add(**{"from": 30.0})
+    return told
+
+
 class SmallSim:
     """A run with one seat. Use it by ``with``."""
 
@@ -117,7 +132,7 @@ class SmallSim:
         return token
 
     def tell(self, episode: int, **what) -> None:
-        """Tells the node a scene, an observation, a prediction or an end."""
+        """Tells the node a scene, an observation, a prediction, who is taken over, or an end."""
         self._put(self._told, messages.Told(episode=episode, **what))
 
     def answer(self):

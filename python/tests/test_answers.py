@@ -1,12 +1,14 @@
-"""Plans and predictions: what the sim would refuse is refused here, with its place; what recordings pack comes back."""
+"""Answers: what the sim would refuse is refused here, with its place; what recordings pack comes back."""
 
 import struct
 import unittest
 
 import numpy as np
+from small_sim import message_taken
 
 import reloop
 from reloop.prediction import unpacked
+from reloop.views.taken import KnownWays
 
 
 def packed(numbers):
@@ -111,6 +113,47 @@ class PredictionTest(unittest.TestCase):
         del future.steering_bits[40:]
         (back,) = reloop.Prediction.read(message).futures
         self.assertTrue(np.isnan(back.controls[40:, 1]).all() and not np.isnan(back.controls[:, 0]).any())
+
+
+def taken(*tracks):
+    message = message_taken(0)
+    one = message.agents[0]
+    for track in tracks:
+        message.agents.add().CopyFrom(one)
+        message.agents[-1].agent.track = track
+    del message.agents[0]
+    return KnownWays().taken(message)
+
+
+class MovesTest(unittest.TestCase):
+    def test_they_are_a_message_in_the_order_of_who_was_given(self):
+        states = np.arange(10.0).reshape(2, 5)
+        for answer in (states, reloop.Moves(states[::-1], track=[9, 5])):
+            message = reloop.Moves.of(answer).message(4, taken(5, 9))
+            self.assertEqual((message.step, [agent.track for agent in message.agents]), (4, [5, 9]))
+            state = message.agents[1].state
+            self.assertEqual((state.x, state.y, state.heading, state.velocity_x, state.velocity_y), (5, 6, 7, 8, 9))
+            self.assertEqual((state.length, state.width, state.height), (4.0, 1.8, 1.5))
+        lifted = reloop.Moves(states, z=[1.0, 2.0]).message(4, taken(5, 9))
+        self.assertEqual([agent.state.z for agent in lifted.agents], [1.0, 2.0])
+        self.assertEqual(len(reloop.Moves.of([]).message(4, ()).agents), 0)
+
+    def test_what_the_sim_would_refuse_is_named(self):
+        states = np.zeros((2, 5))
+        bad = states.copy()
+        bad[1, 3] = np.nan
+        for answer, said in (
+            (None, r"moves\(\) gave back nothing: return an array of shape \(agents, 5\)"),
+            ("left", "no array of numbers"),
+            (states[:1], r"shape \(1, 5\), and \(2, 5\) is needed: x, y, heading, velocity_x, velocity_y"),
+            (bad, "the states, row 1: velocity_x is nan"),
+            (reloop.Moves(states, z=[0.0, np.inf]), "the heights, row 1: z is inf"),
+            (reloop.Moves(states[:1], track=[5]), "does not say where track 9 is next"),
+            (reloop.Moves(np.zeros((3, 5)), track=[5, 9, 5]), "says twice where track 5 is next"),
+            (reloop.Moves(np.zeros((3, 5)), track=[5, 9, 7]), "moves track 7, which it was not given"),
+        ):
+            with self.subTest(said), self.assertRaisesRegex(reloop.AnswerError, said):
+                reloop.Moves.of(answer).message(0, taken(5, 9))
 
 
 if __name__ == "__main__":

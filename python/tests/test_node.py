@@ -4,7 +4,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from small_sim import PATIENCE, SmallSim, message_observation, message_scene
+from small_sim import PATIENCE, SmallSim, message_observation, message_scene, message_taken
 
 from reloop import messages
 
@@ -37,6 +37,21 @@ reloop.serve(plan)
 
 NAN = STANDS.replace("step.av.y,", "float('nan'),")
 SLOW = "import time\n" + STANDS.replace("    return", "    time.sleep(0.7)\n    return")
+TRAFFIC = """
+import reloop
+
+class Mine(reloop.Traffic):
+    def start(self, scene):
+        self.known = []
+
+    def moves(self, step, taken):
+        self.known += [agent.track for agent in taken if agent.since_step == step.number]
+        if step.number == 2:
+            raise LookupError(f"I know {self.known}")
+        return [(a.state.x, float("nan") if step.number == 1 else 0, 0, 0, 0) for a in taken]
+
+reloop.serve(Mine)
+"""
 NEEDS = "import reloop\nclass P(reloop.Planner):\n    needs_prediction = True\nreloop.serve(P)"
 
 
@@ -89,6 +104,48 @@ class NodeTest(unittest.TestCase):
             self.assertAlmostEqual(car.x[49], 60.0 + 5.0 * 5.0)
             sim.leave()
             self.assertEqual(self.left(node), (0, ""))
+
+    def test_traffic_says_where_everybody_is_who_is_taken_over(self):
+        with SmallSim() as sim:
+            node = sim.start(EXAMPLES / "traffic.py")
+            role, _, _, session, _ = sim.admit()
+            self.assertEqual(role, "traffic")
+            sim.tell(1, scene=message_scene())
+            for step in range(3):
+                sim.tell(1, observation=message_observation(step))
+                # Nobody at first, then the car, whose way is told once.
+                sim.tell(1, taken=message_taken(step, since=1) if step else messages.TakenAgents(step=0))
+                key, answer = sim.answer()
+                self.assertEqual(key, f"moves/{session}")
+                self.assertEqual((answer.episode, answer.moves.step, answer.moves.error), (1, step, ""))
+                self.assertEqual([agent.track for agent in answer.moves.agents], [5] if step else [])
+            (car,) = answer.moves.agents
+            self.assertAlmostEqual(car.state.x, 61.0 + 0.5, delta=0.02)
+            self.assertEqual((car.state.y, car.state.length, car.state.height), (0.0, 4.0, 1.5))
+            self.assertAlmostEqual(car.state.z, 0.75 + 0.01, delta=1e-3)  # uphill with its way
+            sim.tell(1, end=messages.EpisodeEnd(scene="straight"))
+            key, answer = sim.answer()
+            self.assertEqual((key, answer.WhichOneof("what")), (f"moves/{session}", "done"))
+            sim.leave()
+            self.assertEqual(self.left(node), (0, ""))
+
+    def test_traffic_that_cannot_answer_says_why(self):
+        with SmallSim() as sim:
+            node = sim.start(TRAFFIC)
+            sim.admit()
+            for episode, steps, said in (
+                (1, (0, 1), "AnswerError: the states, row 0: y is nan"),
+                (2, (0, 2), "LookupError: I know [5] (<string>:11)"),
+                (3, (1,), "it cannot be read who is taken over: agents[0].way is missing: none was told of track 5"),
+            ):
+                sim.tell(episode, scene=message_scene())
+                for step in steps:
+                    sim.tell(episode, observation=message_observation(step))
+                    sim.tell(episode, taken=message_taken(step))
+                    told = sim.answer()[1].moves
+                self.assertEqual((told.step, told.error), (steps[-1], said))
+            sim.leave()
+            self.assertEqual(self.left(node)[0], 0)
 
     def test_a_torch_predictor_says_that_it_needs_torch(self):
         try:

@@ -3,7 +3,7 @@
 import unittest
 
 import numpy as np
-from small_sim import message_observation, message_scene
+from small_sim import message_observation, message_scene, message_taken
 
 import reloop
 from reloop import messages
@@ -11,6 +11,7 @@ from reloop.views.history import History
 from reloop.views.line import line, window
 from reloop.views.scene import Scene
 from reloop.views.step import step
+from reloop.views.taken import KnownWays, Way
 
 
 def bend(radius=20.0, samples=300):
@@ -56,6 +57,45 @@ class WindowTest(unittest.TestCase):
     def test_one_beyond_the_line_is_refused(self):
         with self.assertRaisesRegex(reloop.ReadError, "ends at sample 301 of a line that has 300"):
             window(messages.Observation(window_first_sample=1, window_samples=300), bend())
+
+
+class WayTest(unittest.TestCase):
+    def test_it_is_told_once_and_remembered(self):
+        ways = KnownWays()
+        (first,), (second,) = (ways.taken(message_taken(step)) for step in (0, 1))
+        self.assertIs(first.way, second.way)
+        self.assertEqual((second.track, second.kind, second.since_step), (5, reloop.AgentKind.VEHICLE, 0))
+        self.assertEqual((second.state.x, second.state.speed), (60.5, 5.0))
+        with self.assertRaisesRegex(reloop.ReadError, r"agents\[0\].way is missing: none was told of track 5"):
+            KnownWays().taken(message_taken(1))
+
+    def test_a_way_that_is_none_is_refused(self):
+        for change, said in (
+            (lambda way: way.samples.z.append(0.0), r"way.samples is no line: its columns have \[100, 101\] numbers"),
+            (lambda way: way.ClearField("samples"), r"its columns have \[0\] numbers"),
+            (lambda way: way.samples.x.__setitem__(3, np.nan), "way.samples is not finite"),
+        ):
+            message = message_taken(0)
+            change(message.agents[0].way)
+            with self.assertRaisesRegex(reloop.ReadError, said):
+                KnownWays().taken(message)
+
+    def test_a_point_lies_at_a_station_and_to_a_side_and_lanes_lie_under_it(self):
+        (agent,) = KnownWays().taken(message_taken(0))
+        way = agent.way
+        station, left = way.project([50.3, 40.0, 60.0], [1.0, 0.0, -2.0])
+        np.testing.assert_allclose(station, [0.3, 0.0, 10.0], atol=1e-9)
+        np.testing.assert_allclose(left, [1.0, 0.0, -2.0], atol=1e-9)
+        self.assertEqual((way.length, float(way.height(0.75))), (49.5, 0.015))
+        self.assertEqual([way.lane_at(station) for station in (0.0, 29.9, 30.0)], [7, 7, None])
+
+    def test_poses_follow_a_bend(self):
+        angle = 0.5 * np.arange(60) / 20.0
+        way = Way(np.column_stack([20 * np.sin(angle), 20 * (1 - np.cos(angle)), 0 * angle]), ())
+        x, _, heading = way.pose(10.03)
+        self.assertAlmostEqual(float(x), 20 * np.sin(10.03 / 20), delta=0.01)
+        self.assertAlmostEqual(float(heading), 10.03 / 20, delta=0.01)
+        np.testing.assert_array_equal(way.pose(99.0)[:2], way.points[-1, :2])
 
 
 class LineTest(unittest.TestCase):

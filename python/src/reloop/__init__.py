@@ -1,4 +1,4 @@
-"""reloop in Python: planners and predictors on its bus, its results and recordings, and a service that drives.
+"""reloop in Python: planners, predictors and traffic on its bus, its results and recordings, and a service that drives.
 
 A planner::
 
@@ -24,7 +24,8 @@ from __future__ import annotations
 from .connection import Stop
 from .errors import AnswerError, NodeError, ReadError, ReloopError, ServiceError
 from .messages import WIRE_VERSION
-from .nodes import Planner, Predictor, planner, predictor
+from .moves import Moves
+from .nodes import Planner, Predictor, Traffic, planner, predictor, traffic
 from .options import Options
 from .plan import PLAN_STEPS, STEP_SECONDS, Plan
 from .prediction import Future, Prediction
@@ -41,6 +42,7 @@ from .views.scene import Scene
 from .views.signals import Signals, SignalState
 from .views.state import Control, State
 from .views.step import Step
+from .views.taken import LaneStretch, Taken, Way
 
 __all__ = [
     "PLAN_STEPS",
@@ -54,9 +56,11 @@ __all__ = [
     "Episode",
     "Future",
     "History",
+    "LaneStretch",
     "Line",
     "Map",
     "Moment",
+    "Moves",
     "NodeError",
     "Offer",
     "Options",
@@ -78,6 +82,9 @@ __all__ = [
     "State",
     "Step",
     "Stop",
+    "Taken",
+    "Traffic",
+    "Way",
     "Window",
     "episode",
     "join",
@@ -85,4 +92,5 @@ __all__ = [
     "predictor",
     "results",
     "serve",
+    "traffic",
 ]

@@ -9,15 +9,21 @@ from pathlib import Path
 from typing import Any
 
 from . import messages
-from .nodes import Node, Planner
+from .errors import ReadError
+from .moves import Moves
+from .nodes import Node, Planner, Predictor
 from .plan import Plan
 from .prediction import Prediction
 from .views.history import History
 from .views.scene import Scene
+from .views.step import Step
 from .views.step import step as view
+from .views.taken import KnownWays, Taken
 
 log = logging.getLogger("reloop")
 
+#: Where the answers of a role belong, which is what their field in ``Answer`` is called too.
+CHANNELS = {"planner": "plan", "predictor": "prediction", "traffic": "moves"}
 #: Of an exception's text, as many characters are told.
 _LONGEST_ERROR = 1_500
 #: Of a traceback, as many frames of the user's are logged.
@@ -33,9 +39,12 @@ class _Episode:
         self.make = make
         #: Why it cannot be driven: then every observation is answered with that.
         self.error = ""
-        #: Whichever of the two comes first waits for the other.
+        #: Whichever comes first waits for what belongs to it.
         self.observation: Any = None
         self.prediction: Any = None
+        #: Who is taken over, and at which step.
+        self.taken: tuple[int, tuple[Taken, ...]] | None = None
+        self.ways = KnownWays()
         if scene.wire_version != messages.WIRE_VERSION:
             self.error = (
                 f"the simulator speaks version {scene.wire_version} of the messages, "
@@ -82,6 +91,8 @@ class Desk:
                 return None
             self._episode.prediction = told.prediction
             return self._answer()
+        if what == "taken":
+            return self._take_over(told.taken) if is_on else None
         if what == "end":
             if is_on:
                 self._episode = None
@@ -116,23 +127,36 @@ class Desk:
         episode.observation = observation
         return self._answer()
 
+    def _take_over(self, told: Any) -> Any:
+        episode = self._episode
+        assert episode is not None
+        try:
+            episode.taken = (told.step, episode.ways.taken(told))
+        except (ReadError, ValueError) as error:
+            log.error("%s: it cannot be read who is taken over: %s", episode.name, error)
+            if episode.observation is None:
+                return None
+            step, episode.observation = episode.observation.step, None
+            return self._refusal(episode.number, step, f"it cannot be read who is taken over: {error}")
+        return self._answer()
+
     def _answer(self) -> Any:
         """The answer, once all that it needs is there."""
         episode = self._episode
         if episode is None or episode.error or episode.observation is None:
             return None
-        told, prediction = episode.observation, episode.prediction
+        told, prediction, taken = episode.observation, episode.prediction, episode.taken
         if self._needs_prediction and (prediction is None or prediction.step != told.step):
             return None
-        episode.observation = episode.prediction = None
+        if self._role == "traffic" and (taken is None or taken[0] != told.step):
+            return None
+        episode.observation = episode.prediction = episode.taken = None
         answer = messages.Answer(episode=episode.number)
         try:
             step = view(told, episode.scene, episode.history, prediction and Prediction.read(prediction))
             episode.history = step.history
-            if isinstance(episode.node, Planner):
-                answer.plan.CopyFrom(Plan.of(episode.node.plan(step)).message(step.number))
-            else:
-                answer.prediction.CopyFrom(episode.node.predict(step).message(step.number))
+            channel, message = _asked(episode.node, step, taken[1] if taken else ())
+            getattr(answer, channel).CopyFrom(message)
         except Exception as error:
             # What it was in the middle of is unknown: it is not asked again.
             episode.error = _told(error)
@@ -142,9 +166,18 @@ class Desk:
 
     def _refusal(self, number: int, step: int, error: str) -> Any:
         answer = messages.Answer(episode=number)
-        refused = answer.plan if self._role == "planner" else answer.prediction
+        refused = getattr(answer, CHANNELS[self._role])
         refused.step, refused.error = step, error
         return answer
+
+
+def _asked(node: Node, step: Step, taken: tuple[Taken, ...]) -> tuple[str, Any]:
+    """What a node says at a step: its field in ``Answer``, and the message. May raise whatever it raises."""
+    if isinstance(node, Planner):
+        return "plan", Plan.of(node.plan(step)).message(step.number)
+    if isinstance(node, Predictor):
+        return "prediction", node.predict(step).message(step.number)
+    return "moves", Moves.of(node.moves(step, taken)).message(step.number, taken)
 
 
 def _users_frames(error: BaseException) -> list[traceback.FrameSummary]:

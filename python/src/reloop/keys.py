@@ -74,7 +74,7 @@ def worker_of(told: str) -> str:
 
 
 def answer(told: str, channel: str, session: str) -> str:
-    """Where to answer what came under the key ``told``: ``channel`` is ``plan`` or ``prediction``."""
+    """Where to answer what came under the key ``told``: ``channel`` is ``plan``, ``prediction`` or ``moves``."""
     return f"{told.removesuffix('told')}{channel}/{session}"
 
 

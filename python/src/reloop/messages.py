@@ -59,7 +59,9 @@ Prediction = _message("Prediction")
 RunInfo = _message("RunInfo")
 Scene = _message("Scene")
 StepRecord = _message("StepRecord")
+TakenAgents = _message("TakenAgents")
 Told = _message("Told")
+TrafficMoves = _message("TrafficMoves")
 
 
 def compiled(proto: str) -> descriptor_pb2.FileDescriptorSet:

@@ -1,4 +1,4 @@
-"""What a user writes: a planner or a predictor.
+"""What a user writes: a planner, a predictor, or traffic.
 
 One object serves one episode. ``reloop.serve`` is given what makes them: a class, a decorated function, or any callable
 without arguments.
@@ -11,10 +11,12 @@ from typing import TypeAlias
 
 import numpy.typing as npt
 
+from .moves import Moves
 from .plan import Plan
 from .prediction import Prediction
 from .views.scene import Scene
 from .views.step import Step
+from .views.taken import Taken
 
 
 class Planner:
@@ -49,7 +51,26 @@ class Predictor:
         raise NotImplementedError(f"{type(self).__name__} has no method predict(self, step)")
 
 
-Node: TypeAlias = Planner | Predictor
+class Traffic:
+    """Drives the agents that react through one episode: subclass it and write ``moves``.
+
+    Exceptions are told as a planner's are.
+    """
+
+    def start(self, scene: Scene) -> None:
+        """Called once, before the first step."""
+
+    def moves(self, step: Step, taken: tuple[Taken, ...]) -> Moves | npt.ArrayLike:
+        """Where each of ``taken`` is a step later: a ``Moves``, or its states alone, an array of shape (agents, 5).
+
+        Columns: x, y (m), heading (rad), velocity_x, velocity_y (m/s), at 0.1 s from now; rows in the order of
+        ``taken``. Called at each step, also while nobody is taken over: then ``[]`` is right. What no body can do is
+        refused by the sim; ``docs/traffic.md`` has the numbers.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no method moves(self, step, taken)")
+
+
+Node: TypeAlias = Planner | Predictor | Traffic
 
 
 def planner(function: Callable[[Step], Plan | npt.ArrayLike]) -> type[Planner]:
@@ -77,6 +98,16 @@ def predictor(function: Callable[[Step], Prediction]) -> type[Predictor]:
     class Decorated(Predictor):
         def predict(self, step: Step) -> Prediction:
             return function(step)
+
+    return _named(Decorated, function)
+
+
+def traffic(function: Callable[[Step, tuple[Taken, ...]], Moves | npt.ArrayLike]) -> type[Traffic]:
+    """Makes traffic of a function that is given each step and who is taken over; for traffic that remembers nothing."""
+
+    class Decorated(Traffic):
+        def moves(self, step: Step, taken: tuple[Taken, ...]) -> Moves | npt.ArrayLike:
+            return function(step, taken)
 
     return _named(Decorated, function)
 

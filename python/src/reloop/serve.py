@@ -12,9 +12,9 @@ from google.protobuf.message import DecodeError
 
 from . import messages
 from .connection import Connection, Stop, Telling
-from .desk import Desk
+from .desk import CHANNELS, Desk
 from .errors import NodeError
-from .nodes import Node, Planner, Predictor
+from .nodes import Node, Planner, Predictor, Traffic
 from .options import Options
 
 log = logging.getLogger("reloop")
@@ -26,11 +26,11 @@ EXIT_INTERRUPTED = 130
 
 
 def serve(make: Callable[[], Node], options: Options | None = None) -> None:
-    """Answers the sim's observations until the run ends. This is the last line of a planner's or predictor's program.
+    """Answers the sim's observations until the run ends. This is the last line of a node's program.
 
-    ``make``: a subclass of ``Planner`` or ``Predictor``, a decorated function, or any callable without arguments that
-    gives one; it is called once for each episode. ``options``: where to connect to; from arguments and environment by
-    default.
+    ``make``: a subclass of ``Planner``, ``Predictor`` or ``Traffic``, a decorated function, or any callable
+    without arguments that gives one; it is called once for each episode. ``options``: where to connect to; from
+    arguments and environment by default.
 
     Returns when the sim is done. Where the run cannot be joined it says why on standard error and exits with code 2.
     """
@@ -74,7 +74,7 @@ def join(make: Callable[[], Node], options: Options) -> Stop:
                 "  hint: give it one with `sim run --predictor ctrv`"
             )
         desks: dict[str, Desk] = {}
-        channel = "plan" if role == "planner" else "prediction"
+        channel = CHANNELS[role]
 
         def hear(telling: Telling) -> None:
             worker = telling.worker
@@ -97,7 +97,11 @@ def _role(node: object) -> str:
         return "planner"
     if isinstance(node, Predictor):
         return "predictor"
-    raise TypeError(f"reloop.serve wants a Planner or a Predictor, and what it was given makes a {type(node).__name__}")
+    if isinstance(node, Traffic):
+        return "traffic"
+    raise TypeError(
+        f"reloop.serve wants a Planner, a Predictor or Traffic, and what it was given makes a {type(node).__name__}"
+    )
 
 
 def _told(telling: Telling) -> Any:
@@ -113,7 +117,7 @@ def _complain(answer: Any, seconds: float, deadline: float | None) -> None:
     """Says so where an answer came too late: the sim has ended the episode by then."""
     if deadline is None or seconds <= deadline:
         return
-    step = answer.plan.step if answer.HasField("plan") else answer.prediction.step
+    step = getattr(getattr(answer, answer.WhichOneof("what")), "step", 0)
     log.error(
         "step %d took %.1f s; the sim waits %g s (`sim run --deadline 30s` has it wait longer)", step, seconds, deadline
     )

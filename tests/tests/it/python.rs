@@ -176,6 +176,44 @@ fn a_predictor_in_python_predicts_under_the_real_sim() {
 }
 
 #[test]
+fn traffic_in_python_reacts_and_is_the_same_for_any_number_of_workers() {
+    let Some(python) = python() else { return };
+    let stage = Stage::new();
+    let traffic = format!("'{}' '{}'", python.display(), example("traffic.py").display());
+    for (workers, run) in [(1, "one"), (2, "two")] {
+        let arguments =
+            format!("run --scenarios small.toml --driver constant-velocity --parallel {workers} --out {run}");
+        let output = ran(stage.command(&arguments).args(["--traffic-command", &traffic]));
+        stage.wait_until_alone();
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    }
+    assert_same(&stage.files("one"), &stage.files("two"));
+    let table = Table::read(&stage.path("one/results.parquet")).unwrap();
+    assert_eq!(table.text("traffic").unwrap(), ["command"; 3]);
+    let reacted = table.counts("reactive_agent_steps").unwrap();
+    assert!(reacted.iter().sum::<u32>() > 50, "{reacted:?}");
+}
+
+#[test]
+fn an_exception_of_traffic_in_python_is_the_reason() {
+    let Some(python) = python() else { return };
+    let stage = Stage::new();
+    let text = "import reloop\n\n\
+                @reloop.traffic\n\
+                def mine(step, taken):\n    \
+                    return [(agent.state.x, float('nan'), 0, 0, 0) for agent in taken]\n\n\
+                reloop.serve(mine)\n";
+    fs::write(stage.path("mine.py"), text).unwrap();
+    let mut sim = stage.command("run --scenarios small.toml --driver constant-velocity --record none --out run");
+    let output = ran(sim.args(["--traffic-command", &format!("'{}' mine.py", python.display())]));
+    stage.wait_until_alone();
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    let details = Table::read(&stage.path("run/results.parquet")).unwrap().text("end_detail").unwrap();
+    let reason = "the traffic's answer is refused: it cannot answer: AnswerError: the states, row 0: y is nan";
+    assert!(details.iter().any(|detail| detail.contains(reason)), "{details:?}");
+}
+
+#[test]
 fn planners_and_predictors_in_python_keep_every_rule_of_the_bus() {
     let Some(python) = python() else { return };
     for (which, file) in [("--planner-command", "planner.py"), ("--predictor-command", "predictor.py")] {

@@ -12,4 +12,5 @@ SI units, radians, the log's frame, heading counter-clockwise from +x, everywher
 | ``history`` | what was seen before |
 | ``scene`` | what is told before the first step |
 | ``step`` | what is told at a step |
+| ``taken`` | whom traffic drives, and where they go |
 """
