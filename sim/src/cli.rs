@@ -105,7 +105,7 @@ pub enum Command {
     ///
     /// A step shows what came of it, as the tables number them. Plans and predictions are drawn where the episode is recorded. An MP4 takes `ffmpeg`.
     Render(RenderArgs),
-    /// Check a planner or predictor of your own against the rules of the bus, and say what to do
+    /// Check a planner, a predictor or traffic of your own against the rules of the bus, and say what to do
     ///
     /// Drives short scenes with it, twice and in other orders; tells it odd scenes and what cannot be read; kills it, ends its input, takes its seat. A line a
     /// rule: it holds, is in doubt, or is broken, with what was seen. Exits with 1 when one is broken. docs/check-node.md has a page of them.

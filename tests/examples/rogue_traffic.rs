@@ -1,5 +1,7 @@
 //! Traffic that drives everybody straight on, but for one step of a scene, at which it does what `RELOOP_LIE` says: `SCENE STEP LIE`, with LIE
-//! one of `die`, `silence`, `error`, `step` and `jump`; the last at the first step from there on at which anybody is taken over.
+//! one of `die`, `silence`, `error`, `step`, `chance`, or of those that are about somebody who is taken over: `missing`, `twice`, `stranger`, `nan`,
+//! `size`, `jump`, `turn`, `speed`. These are told from that step on, at the first of which anybody is. `hand-over` puts everybody aside who is
+//! taken over from there on, by what the sim lets pass.
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -11,6 +13,7 @@ use nix::sys::signal::{Signal, raise};
 use wire::node::{Options, StepInput, Traffic, TrafficFactory, serve_traffic};
 use world::observation::Briefing;
 use world::plan::STEP_SECONDS;
+use world::scene::TrackId;
 use world::traffic::{Taken, TrafficMove, UncheckedMoves};
 
 #[derive(Parser)]
@@ -41,21 +44,46 @@ impl Traffic for Rogue {
         let step = input.observation.step;
         let mut moves = UncheckedMoves { step, moves: taken.iter().map(straight_on).collect() };
         match &self.1 {
-            Some((at, what)) if what == "jump" && step >= *at => {
-                moves.moves.first_mut().into_iter().for_each(|moved| moved.state.x += 3.0);
+            Some((at, what)) if what == "hand-over" && step >= *at => {
+                let new = moves.moves.iter_mut().zip(taken).filter(|(_, taken)| taken.since_step == step);
+                new.for_each(|(moved, _)| moved.state.x += 0.4);
             }
+            Some((at, what)) if step >= *at && taken.first().is_some() && about_somebody(what, &mut moves.moves) => {}
             Some((at, what)) if step == *at => match what.as_str() {
                 "die" => raise(Signal::SIGKILL).unwrap(),
                 "silence" => std::thread::sleep(Duration::from_secs(600)),
                 "error" => return Err("I would rather not".to_owned()),
                 "step" => moves.step += 1,
-                "jump" => {}
+                "chance" => moves.moves.iter_mut().for_each(|moved| moved.state.x += by_process()),
+                "missing" | "twice" | "stranger" | "nan" | "size" | "jump" | "turn" | "speed" => {}
                 other => panic!("no such lie: {other}"),
             },
             _ => {}
         }
         Ok(moves)
     }
+}
+
+/// Tells a lie about the first of them, if it is such a lie.
+fn about_somebody(lie: &str, moves: &mut Vec<TrafficMove>) -> bool {
+    let first = moves[0];
+    match lie {
+        "missing" => drop(moves.remove(0)),
+        "twice" => moves.push(first),
+        "stranger" => moves.push(TrafficMove { track: TrackId(i32::MAX), ..first }),
+        "nan" => moves[0].state.y = f64::NAN,
+        "size" => moves[0].state.width += 0.5,
+        "jump" => moves[0].state.x += 3.0,
+        "turn" => moves[0].state.heading += 1.0,
+        "speed" => moves[0].state.velocity_x += 5.0,
+        _ => return false,
+    }
+    true
+}
+
+/// Up to 0.1 m, other for each process.
+fn by_process() -> f64 {
+    f64::from(std::process::id() % 1000) * 1e-4
 }
 
 fn main() {

@@ -5,6 +5,7 @@ use std::time::Duration;
 use wire::keys::Role;
 use world::observation::Observation;
 use world::plan::{Plan, Prediction};
+use world::traffic::Moves;
 
 use super::rule::{Finding, Rule};
 
@@ -24,11 +25,14 @@ pub enum Answer {
     Plan(Plan),
     /// Of a predictor.
     Prediction(Prediction),
+    /// Of traffic.
+    Moves(Moves),
 }
 
 impl Answer {
     /// Its numbers in order: of each state x, y, heading, speed, then the controls; or of each future its probability, and of each
-    /// trajectory the track and x, y, heading of each pose. Not those of [`Answer::controls_in_futures`].
+    /// trajectory the track and x, y, heading of each pose; or of each agent the track and x, y, z, heading and velocity. Not those of
+    /// [`Answer::controls_in_futures`].
     #[must_use]
     pub fn numbers(&self) -> Vec<f64> {
         match self {
@@ -51,6 +55,10 @@ impl Answer {
                 );
                 numbers.extend(prediction.cost_weights().unwrap_or_default());
                 numbers
+            }
+            Self::Moves(moves) => {
+                let moves = moves.moves().iter().map(|moved| (f64::from(moved.track.0), moved.state));
+                moves.flat_map(|(track, s)| [track, s.x, s.y, s.z, s.heading, s.velocity_x, s.velocity_y]).collect()
             }
         }
     }
@@ -147,6 +155,8 @@ pub fn in_place<'a>(role: Role, steps: impl Iterator<Item = (&'a Observation, &'
                     }
                 }
             }
+            // They have rules of their own.
+            Answer::Moves(_) => {}
         }
     }
     let whose = if role == Role::Predictor { "trajectories" } else { "plans" };
@@ -185,7 +195,7 @@ mod tests {
 
     #[test]
     fn plans_in_another_frame_are_found() {
-        let course = &Course::built_in().unwrap()[0];
+        let course = &Course::built_in(Role::Planner).unwrap()[0];
         let verdict = |by: f64| {
             let answers: Vec<Answer> = course.steps.iter().map(|(_, plan)| moved(plan, by)).collect();
             in_place(Role::Planner, course.steps.iter().map(|(seen, _)| seen).zip(&answers)).verdict

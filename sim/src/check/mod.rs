@@ -10,6 +10,7 @@
 //! | [`course`] | the observations, the same for everybody |
 //! | [`stand`] | the bus, and the node on it |
 //! | [`answers`], [`golden`] | what it answered: when, where, and whether that is what it said before |
+//! | [`traffic`] | what of that is asked of traffic alone |
 //! | [`trials`] | rule by rule |
 //! | [`report`] | what was found |
 
@@ -35,6 +36,7 @@ pub mod golden;
 pub mod report;
 pub mod rule;
 pub mod stand;
+pub mod traffic;
 pub mod trials;
 
 /// Nothing could be checked.
@@ -59,17 +61,20 @@ const START_TIMEOUT: Duration = Duration::from_secs(20);
 /// # Errors
 /// [`CheckError`] where nothing could be checked. What is wrong with the node is in the report.
 pub fn check(arguments: &CheckNodeArgs, console: &Console, groups: &Groups) -> Result<Report, CheckError> {
-    let (role, command) = match (&arguments.planner_command, &arguments.predictor_command) {
-        (_, Some(command)) => (Role::Predictor, command),
-        (command, None) => (Role::Planner, command.as_ref().ok_or_else(|| CheckError::Bus("no command".to_owned()))?),
-    };
+    let commands = [
+        (Role::Planner, &arguments.planner_command),
+        (Role::Predictor, &arguments.predictor_command),
+        (Role::Traffic, &arguments.traffic_command),
+    ];
+    let given = commands.into_iter().find_map(|(role, command)| Some((role, command.as_ref()?)));
+    let (role, command) = given.ok_or_else(|| CheckError::Bus("no command".to_owned()))?;
     let predictor = arguments.predictor.map(|predictor| predictor.name().to_owned());
     let subject = Subject { role, command: command.clone(), predictor };
-    let mut courses = Course::built_in()?;
+    let mut courses = Course::built_in(role)?;
     if !arguments.paths.is_empty() {
         let scenes = SceneSet::open(&arguments.paths)?;
         for at in 0..scenes.entries().len() {
-            courses.push(Course::of(Arc::clone(&scenes.load(at)?.0))?);
+            courses.push(Course::of(Arc::clone(&scenes.load(at)?.0), role)?);
         }
     }
     let patience = arguments.start_timeout.unwrap_or(START_TIMEOUT);

@@ -1,5 +1,7 @@
 //! What is asked of a node, and how it was found.
 
+use wire::keys::Role;
+
 /// What is asked of a node, in the order in which it is told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, clap::ValueEnum)]
 pub enum Rule {
@@ -11,6 +13,10 @@ pub enum Rule {
     InTime,
     /// In the frame of the log.
     InPlace,
+    /// Agents move as bodies can.
+    Moves,
+    /// Nobody jumps when he is taken over.
+    HandOver,
     /// The same again, in one process and in another.
     Repeats,
     /// What was driven before makes no difference.
@@ -39,11 +45,13 @@ pub enum Rule {
 
 impl Rule {
     /// All of them.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 18] = [
         Self::Joins,
         Self::Answers,
         Self::InTime,
         Self::InPlace,
+        Self::Moves,
+        Self::HandOver,
         Self::Repeats,
         Self::Forgets,
         Self::OddScenes,
@@ -58,6 +66,16 @@ impl Rule {
         Self::Golden,
     ];
 
+    /// Whether it is asked of nodes of this role.
+    #[must_use]
+    pub const fn is_of(self, role: Role) -> bool {
+        match self {
+            Self::InPlace => !matches!(role, Role::Traffic),
+            Self::Moves | Self::HandOver => matches!(role, Role::Traffic),
+            _ => true,
+        }
+    }
+
     /// Its name, in reports and documents.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -66,6 +84,8 @@ impl Rule {
             Self::Answers => "answers",
             Self::InTime => "in-time",
             Self::InPlace => "in-place",
+            Self::Moves => "moves",
+            Self::HandOver => "hand-over",
             Self::Repeats => "repeats",
             Self::Forgets => "forgets",
             Self::OddScenes => "odd-scenes",
@@ -90,14 +110,20 @@ impl Rule {
                  says how"
             }
             Self::Answers => {
-                "answer each observation once, with its step, 50 states (or 50 poses an agent) of finite numbers, and 50 controls or none; say in `error` why there \
-                 is none"
+                "answer each observation once, with its step, 50 states (or 50 poses an agent; or a state for each agent that traffic drives) of finite numbers, and \
+                 50 controls or none; say in `error` why there is none"
             }
             Self::InTime => {
                 "a step is 0.1 s: load and compile when the process starts, not at the first observation; run with a longer --deadline where it must be"
             }
             Self::InPlace => {
                 "states are in the log's frame, in metres, counter-clockwise from +x, the first 0.1 s after the observation, and agents are those that were observed"
+            }
+            Self::Moves => {
+                "go on from the `state` that you are told: the size stays, the place is where the speeds lead, and speed and heading change by what tyres can do in 0.1 s"
+            }
+            Self::HandOver => {
+                "an agent that is taken over goes on as it was logged: what it is aside of its way, or slower than you like, goes by and by"
             }
             Self::Repeats => {
                 "seed whatever is random by what is observed, never by clock or process; take no order from a hash map, and no time limit as the end of a search"

@@ -9,6 +9,8 @@ use wire::hub::{BarrierError, Cast, EpisodeLine, Hub, HubSettings, Line as _, Li
 use wire::keys::{Role, Secret, Worker, Workers};
 use wire::proto::RunInfo;
 
+use world::traffic::MoveError;
+
 use super::answers::{Answer, Driven};
 use super::course::Course;
 use crate::run::console::Console;
@@ -59,12 +61,14 @@ pub struct Seats {
     workers: Workers,
     planner: Arc<Seat>,
     predictor: Option<Arc<Seat>>,
+    traffic: Option<Arc<Seat>>,
 }
 
 impl Seats {
     fn of(&self, role: Role) -> &Seat {
-        match (&self.predictor, role) {
-            (Some(predictor), Role::Predictor) => predictor,
+        match (&self.predictor, &self.traffic, role) {
+            (Some(predictor), _, Role::Predictor) => predictor,
+            (_, Some(traffic), Role::Traffic) => traffic,
             _ => &self.planner,
         }
     }
@@ -92,6 +96,7 @@ impl Stand {
             wire_version: wire::WIRE_VERSION,
             run: name.to_owned(),
             predictor: subject.role == Role::Predictor || subject.predictor.is_some(),
+            traffic: subject.role == Role::Traffic,
             ..RunInfo::default()
         };
         hub.publish_run_info(&info).map_err(|error| says(&error))?;
@@ -112,7 +117,8 @@ impl Stand {
         let seat = |role| self.hub.seat(role, workers).map(Arc::new).map_err(|error| error.to_string());
         let predicts = self.subject.role == Role::Predictor || self.subject.predictor.is_some();
         let predictor = if predicts { Some(seat(Role::Predictor)?) } else { None };
-        Ok(Seats { workers: workers.clone(), planner: seat(Role::Planner)?, predictor })
+        let traffic = if self.subject.role == Role::Traffic { Some(seat(Role::Traffic)?) } else { None };
+        Ok(Seats { workers: workers.clone(), planner: seat(Role::Planner)?, predictor, traffic })
     }
 
     /// Starts the node at these seats, and waits until it sits there.
@@ -121,7 +127,9 @@ impl Stand {
     /// Why it does not, as a sentence.
     pub fn start(&self, seats: &Seats) -> Result<Node<'_>, String> {
         let companion = match (self.subject.role, &self.subject.predictor) {
-            (Role::Predictor, _) => Some(("planner-node", "--planner", "constant-velocity", Role::Planner)),
+            (Role::Predictor | Role::Traffic, _) => {
+                Some(("planner-node", "--planner", "constant-velocity", Role::Planner))
+            }
             (_, Some(predictor)) => Some(("predictor-node", "--predictor", predictor.as_str(), Role::Predictor)),
             (_, None) => None,
         };
@@ -209,6 +217,8 @@ pub enum Trouble {
     Late(String),
     /// What came was none, or too much, or the node died.
     Wrong(String),
+    /// What came says of an agent what no body can do.
+    Impossible(String),
 }
 
 impl Trouble {
@@ -216,7 +226,7 @@ impl Trouble {
     #[must_use]
     pub fn said(self) -> String {
         match self {
-            Self::Late(said) | Self::Wrong(said) => said,
+            Self::Late(said) | Self::Wrong(said) | Self::Impossible(said) => said,
         }
     }
 }
@@ -257,7 +267,7 @@ impl Node<'_> {
         let cast = Cast {
             planner: &self.seats.planner,
             predictor: self.seats.predictor.as_deref(),
-            traffic: None,
+            traffic: self.seats.traffic.as_deref(),
             recorder: None,
         };
         let line = self.stand.hub.episode(&Worker::numbered(number), &course.briefing.scene, cast);
@@ -290,6 +300,9 @@ impl Node<'_> {
     /// [`Trouble`].
     pub fn step(&self, line: &mut EpisodeLine, course: &Course, at: usize, driven: &mut Driven) -> Result<(), Trouble> {
         let Some((observation, led)) = course.steps.get(at) else { return Ok(()) };
+        if self.stand.subject.role == Role::Traffic {
+            return self.move_on(line, course, at, driven);
+        }
         let wrong = |error: &dyn std::fmt::Display| Trouble::Wrong(format!("step {at}: {error}"));
         let start = Instant::now();
         let (plan, prediction) =
@@ -302,6 +315,24 @@ impl Node<'_> {
             }
             _ => Answer::Plan(plan.check(observation.step).map_err(|error| wrong(&error))?),
         });
+        Ok(())
+    }
+
+    /// Asks traffic where everybody is next whom it drives. The planner beside it is not asked: the AV's drive is known.
+    fn move_on(&self, line: &mut EpisodeLine, course: &Course, at: usize, driven: &mut Driven) -> Result<(), Trouble> {
+        let Some((observation, taken)) = course.reacting(at, driven.answers.last()) else { return Ok(()) };
+        let start = Instant::now();
+        let moves = line.moves(&observation, &taken, self.stand.deadline).map_err(|error| trouble(&error))?;
+        driven.times.push(start.elapsed());
+        let checked = moves.check(observation.step, &taken);
+        let moves = checked.map_err(|error| {
+            let said = format!("step {at}: {error}");
+            match error {
+                MoveError::Impossible { .. } | MoveError::Resized { .. } => Trouble::Impossible(said),
+                _ => Trouble::Wrong(said),
+            }
+        })?;
+        driven.answers.push(Answer::Moves(moves));
         Ok(())
     }
 
@@ -323,6 +354,7 @@ impl Node<'_> {
         match trouble {
             Trouble::Late(what) => Trouble::Late(say(what)),
             Trouble::Wrong(what) => Trouble::Wrong(say(what)),
+            Trouble::Impossible(what) => Trouble::Impossible(say(what)),
         }
     }
 

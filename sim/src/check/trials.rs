@@ -7,13 +7,14 @@ use prost::Message as _;
 use wire::envelope::{self, Saying, Telling};
 use wire::hub::Line as _;
 use wire::keys::{Role, Worker, Workers};
-use wire::{WIRE_VERSION, proto};
+use wire::{WIRE_VERSION, convert, proto};
 
 use super::answers::{Answer, Driven, difference, in_place, in_time};
 use super::course::Course;
 use super::golden::{Golden, GoldenError};
 use super::rule::{Finding, Rule, Verdict};
 use super::stand::{Node, Stand, Trouble};
+use super::traffic::{hand_over, moves};
 use crate::run::process::Process;
 
 /// How long a node may take to leave.
@@ -98,9 +99,8 @@ pub fn all(stand: Stand, courses: &[Course], wishes: &Wishes<'_>) -> Result<Vec<
     if is_wanted(Rule::Leaves) {
         findings.push(leaves(stand));
     }
-    for rule in
-        Rule::ALL.into_iter().filter(|rule| findings.iter().all(|finding| finding.rule != *rule)).collect::<Vec<_>>()
-    {
+    let is_open = |rule: &Rule| rule.is_of(role) && findings.iter().all(|finding| finding.rule != *rule);
+    for rule in Rule::ALL.into_iter().filter(is_open).collect::<Vec<_>>() {
         let why = match rule {
             rule if !is_wanted(rule) => "--skip",
             Rule::Golden if wishes.golden.is_none() => "no --golden FILE",
@@ -137,7 +137,7 @@ fn first_drives<'a, 's>(
             return (known, None);
         }
     };
-    let (mut wrong, mut late) = (Vec::new(), Vec::new());
+    let (mut wrong, mut late, mut impossible) = (Vec::new(), Vec::new(), Vec::new());
     for course in courses {
         let driven = match &mut node {
             Some(node) => node.drive(course),
@@ -149,6 +149,7 @@ fn first_drives<'a, 's>(
                 match trouble {
                     Trouble::Late(said) => late.push(said),
                     Trouble::Wrong(said) => wrong.push(said),
+                    Trouble::Impossible(said) => impossible.push(said),
                 }
                 drop(node.take());
                 node = fresh(stand).ok();
@@ -167,9 +168,19 @@ fn first_drives<'a, 's>(
         None if times.is_empty() => {}
         None => findings.push(in_time(times, stand.deadline)),
     }
-    if count > 0 {
+    let role = stand.subject().role;
+    if role == Role::Traffic {
+        match impossible.first() {
+            Some(first) => findings.push(Finding::broken(Rule::Moves, more(first, impossible.len()))),
+            None if count > 0 => findings.push(moves(&known.driven)),
+            None => {}
+        }
+        if count > 0 {
+            findings.push(hand_over(&known.driven));
+        }
+    } else if count > 0 {
         let answers = steps().map(|((observation, _), answer)| (observation, answer));
-        findings.push(in_place(stand.subject().role, answers));
+        findings.push(in_place(role, answers));
     }
     (known, node)
 }
@@ -283,10 +294,13 @@ fn version(stand: &Stand, known: &Known<'_>) -> Finding {
         let mut line = node.line(0, course).map_err(Trouble::said)?;
         let scene = proto::Scene { wire_version: other, ..proto::Scene::from(&course.briefing) };
         let observation = course.steps.first().map(|(observation, _)| proto::Observation::from(observation));
-        let told = [
+        let mut told = vec![
             (Telling::Scene, scene.encode_to_vec()),
             (Telling::Observation, observation.unwrap_or_default().encode_to_vec()),
         ];
+        if let Some((seen, taken)) = course.reacting(0, None).filter(|_| role == Role::Traffic) {
+            told.push((Telling::Taken, convert::taken_agents(seen.step, &taken).encode_to_vec()));
+        }
         for (telling, bytes) in told {
             let sealed = envelope::seal(line.number(), telling, bytes.into()).to_bytes().into_owned();
             match line.tell_bytes(role, sealed) {

@@ -18,8 +18,11 @@ pub struct CheckNodeArgs {
     /// A predictor of your own, as for `sim run`
     #[arg(long, value_name = "COMMAND", group = "node")]
     pub predictor_command: Option<String>,
+    /// Traffic of your own, as for `sim run`
+    #[arg(long, value_name = "COMMAND", group = "node")]
+    pub traffic_command: Option<String>,
     /// Who predicts for the planner [default: nobody]
-    #[arg(long, value_enum, value_name = "NAME", conflicts_with = "predictor_command")]
+    #[arg(long, value_enum, value_name = "NAME", conflicts_with_all = ["predictor_command", "traffic_command"])]
     pub predictor: Option<Companion>,
     /// Scenes of your own to drive beside the built-in ones, as for `sim run`
     #[arg(value_name = "PATH")]

@@ -48,8 +48,8 @@ fn help_says_what_can_be_typed() {
                    without those steps
       report       Write runs as one page to send to somebody, with failed drives to be played
       render       Draw a drive from above: a picture of a step, or a clip
-      check-node   Check a planner or predictor of your own against the rules of the bus, and say what
-                   to do
+      check-node   Check a planner, a predictor or traffic of your own against the rules of the bus, and
+                   say what to do
       serve        Drive what others ask for: runs in a fair queue, and sessions step by step
       submit       Have a service drive a run
       status       Say how far a run in a folder is, or how the runs of a service are, or what that

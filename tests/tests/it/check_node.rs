@@ -90,6 +90,67 @@ fn chance_is_found() {
 }
 
 #[test]
+fn nothing_is_wrong_with_our_own_traffic() {
+    let (report, code) = check(&Stage::new(), "--traffic-command", "traffic-node --traffic idm", "--format json");
+    assert_eq!((rules(&report, "skipped"), code), (vec!["golden"], Some(0)), "{report:#}");
+    assert_eq!(rules(&report, "holds").len(), 16, "{report:#}");
+    assert!(!report.to_string().contains("in-place"), "{report:#}");
+    for (rule, most) in [("moves", 200), ("hand-over", 4)] {
+        let first = seen(&report, rule).split(' ').next().unwrap();
+        assert!(first.parse::<u32>().unwrap() > most, "{report:#}");
+    }
+}
+
+#[test]
+fn traffic_of_every_character_and_that_drives_straight_on_is_found_right() {
+    let rogue = program("rogue_traffic");
+    for command in ["traffic-node --traffic mixed --seed 5", rogue.to_str().unwrap()] {
+        let (report, code) = check(&Stage::new(), "--traffic-command", command, &format!("{QUICK} small.toml"));
+        assert_eq!(
+            (rules(&report, "BROKEN"), rules(&report, "in doubt"), code),
+            (vec![], vec![], Some(0)),
+            "{report:#}"
+        );
+        assert!(seen(&report, "answers").ends_with("on 7 courses"), "{report:#}");
+    }
+}
+
+#[test]
+fn each_lie_of_traffic_is_found_by_its_rule() {
+    for (lie, rule, what) in [
+        ("die", "answers", "check-following: the traffic is gone; it "),
+        ("error", "answers", "I would rather not"),
+        ("step", "answers", "it answers step 6, but step 5 was asked for"),
+        ("missing", "answers", "it does not say where track "),
+        ("twice", "answers", "it says twice where track "),
+        ("stranger", "answers", "it moves track 2147483647, which it was not given"),
+        ("nan", "answers", "agents[0].state.y"),
+        ("size", "moves", "has another size than before"),
+        ("jump", "moves", "jumps by "),
+        ("turn", "moves", "turns by 1.00 rad in a step"),
+        ("speed", "moves", "changes its speed by "),
+        ("silence", "in-time", "no answer within 1 s"),
+        ("chance", "repeats", "in another process, check-following: the answers part at step 5, by up to "),
+    ] {
+        let stage = Stage::with_lie(&format!("check-following 5 {lie}"));
+        let rogue = program("rogue_traffic");
+        let quick = format!("{QUICK},odd-scenes,cut-short,noise,version --deadline 1s");
+        let (report, code) = check(&stage, "--traffic-command", rogue.to_str().unwrap(), &quick);
+        assert_eq!((rules(&report, "BROKEN"), code), (vec![rule], Some(1)), "{lie}: {report:#}");
+        assert!(seen(&report, rule).contains(what), "{lie}: {report:#}");
+    }
+}
+
+#[test]
+fn traffic_of_which_some_jump_when_they_are_taken_over_is_in_doubt() {
+    let stage = Stage::with_lie("check-following 0 hand-over");
+    let rogue = program("rogue_traffic");
+    let (report, code) = check(&stage, "--traffic-command", rogue.to_str().unwrap(), QUICK);
+    assert_eq!((rules(&report, "BROKEN"), rules(&report, "in doubt"), code), (vec![], vec!["hand-over"], Some(0)));
+    assert!(seen(&report, "hand-over").contains("agents jump when they are taken over, by 0.40 m"), "{report:#}");
+}
+
+#[test]
 fn a_program_that_is_no_node_is_named_so() {
     let (report, code) = check(&Stage::new(), "--planner-command", "true", "--format json");
     assert_eq!(code, Some(1), "{report:#}");

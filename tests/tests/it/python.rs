@@ -214,15 +214,22 @@ fn an_exception_of_traffic_in_python_is_the_reason() {
 }
 
 #[test]
-fn planners_and_predictors_in_python_keep_every_rule_of_the_bus() {
+fn nodes_in_python_keep_every_rule_of_the_bus() {
     let Some(python) = python() else { return };
-    for (which, file) in [("--planner-command", "planner.py"), ("--predictor-command", "predictor.py")] {
+    for (which, file, rules) in [
+        ("--planner-command", "planner.py", 16),
+        ("--predictor-command", "predictor.py", 16),
+        ("--traffic-command", "traffic.py", 17),
+    ] {
         let stage = Stage::new();
         let command = format!("'{}' '{}'", python.display(), example(file).display());
         let output = ran(stage.command("check-node --golden golden.json").args([which, &command]));
         stage.wait_until_alone();
         let text = said(&output);
-        assert!(output.status.success() && text.contains("16 hold, 0 in doubt, 0 broken, 0 skipped"), "{text}");
+        assert!(
+            output.status.success() && text.contains(&format!("{rules} hold, 0 in doubt, 0 broken, 0 skipped")),
+            "{text}"
+        );
     }
 }
 

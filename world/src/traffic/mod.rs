@@ -15,7 +15,7 @@ pub mod ways;
 
 use std::sync::Arc;
 
-pub use moves::{MoveError, Moves, TrafficMove, UncheckedMoves};
+pub use moves::{Change, MoveError, Moves, TrafficMove, UncheckedMoves};
 pub use way::{LaneStretch, Way, WayPlace};
 pub use ways::Ways;
 

@@ -38,6 +38,30 @@ pub struct UncheckedMoves {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Moves(Vec<TrafficMove>);
 
+/// How a body's state changes over a step, beyond what its speeds say.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Change {
+    /// How far its place is from where its speeds lead (m).
+    pub astray: f64,
+    /// How much its speed changes (m/s).
+    pub speed: f64,
+    /// How far it turns (rad).
+    pub turn: f64,
+}
+
+impl Change {
+    /// From one state to that of a step later.
+    #[must_use]
+    pub fn between(before: &AgentState, after: &AgentState) -> Self {
+        let mean = (before.velocity() + after.velocity()) * 0.5;
+        Self {
+            astray: (after.position() - before.position() - mean * STEP_SECONDS).norm(),
+            speed: (after.speed() - before.speed()).abs(),
+            turn: angle_difference(before.heading, after.heading).abs(),
+        }
+    }
+}
+
 /// What is wrong with moves from outside.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[allow(missing_docs, reason = "the messages say it")]
@@ -121,11 +145,10 @@ fn possible(agent: &Taken, told: &TrafficMove) -> Result<(), MoveError> {
     let within = |what, value: f64, unit, limit| {
         if value <= limit { Ok(()) } else { Err(MoveError::Impossible { track, what, value, unit, limit }) }
     };
-    let mean = (before.velocity() + after.velocity()) * 0.5;
-    let astray = (after.position() - before.position() - mean * STEP_SECONDS).norm();
-    within("jumps", astray, "m", MOST_ASTRAY)?;
-    within("changes its speed", (after.speed() - before.speed()).abs(), "m/s", MOST_SPEED_CHANGE)?;
-    within("turns", angle_difference(before.heading, after.heading).abs(), "rad", MOST_TURN)
+    let change = Change::between(before, after);
+    within("jumps", change.astray, "m", MOST_ASTRAY)?;
+    within("changes its speed", change.speed, "m/s", MOST_SPEED_CHANGE)?;
+    within("turns", change.turn, "rad", MOST_TURN)
 }
 
 #[cfg(test)]
