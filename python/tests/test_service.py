@@ -14,6 +14,10 @@ class SettingsTest(unittest.TestCase):
     def test_settings_are_those_of_sim_run(self):
         made = settings(driver="idm", set=["horizon=9"], scenes="small", in_process=True)
         self.assertEqual((made.driver, list(made.set), list(made.scenes)), ("idm", ["horizon=9"], ["small"]))
+        made = settings(traffic="mixed", traffic_seed=0, traffic_set="radius=80")
+        self.assertEqual(
+            (made.traffic, made.HasField("traffic_seed"), list(made.traffic_set)), ("mixed", True, ["radius=80"])
+        )
         with self.assertRaisesRegex(TypeError, "'out' is no setting; there are driver"):
             settings(out="/tmp/x")
 
@@ -48,6 +52,21 @@ class ServiceTest(unittest.TestCase):
         self.assertEqual((set(frame["scene"]), frame.attrs["units"]["progress_m"]), (set(offer.sets["small"]), "m"))
         self.assertIn("idm", self.service.table("python", format="csv"))
 
+    def test_agents_of_a_run_react(self):
+        self.service.submit(
+            "constant-velocity",
+            sets=["small"],
+            name="reactive",
+            record="none",
+            in_process=True,
+            traffic="mixed",
+            traffic_seed=3,
+        )
+        self.service.wait("reactive")
+        frame = self.service.table("reactive")
+        self.assertEqual(set(frame["traffic"]), {"mixed"})
+        self.assertGreater(frame["reactive_agent_steps"].sum(), 50)
+
     def test_a_run_is_cancelled(self):
         self.service.submit("idm", name="long")
         self.service.cancel("long")
@@ -57,6 +76,10 @@ class ServiceTest(unittest.TestCase):
     def test_what_is_refused_says_why(self):
         with self.assertRaisesRegex(reloop.ServiceError, "starts no programs"):
             self.service.submit(planner_command="true")
+        with self.assertRaisesRegex(reloop.ServiceError, "starts no programs of its clients: traffic-command"):
+            self.service.submit("idm", traffic_command="true")
+        with self.assertRaisesRegex(reloop.ServiceError, "agents of a session are replayed"):
+            self.service.open("demo-curve", "idm", traffic="idm")
         with self.assertRaisesRegex(reloop.ServiceError, "there is no run"):
             list(self.service.watch("nothing"))
         with self.assertRaisesRegex(reloop.ServiceError, 'no scene set "none" is offered'):

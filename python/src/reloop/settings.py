@@ -7,7 +7,7 @@ from typing import Any
 from . import messages
 
 #: Settings that are lists.
-_LISTS = frozenset({"set", "scenes"})
+_LISTS = frozenset({"set", "scenes", "traffic_set"})
 
 
 def settings(**options: Any) -> Any:

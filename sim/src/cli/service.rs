@@ -9,7 +9,7 @@ use evaluation::table::TableFormat;
 use results::drivers::{self, MotionName, Predictor};
 use results::settings::Record;
 
-use super::{ProtocolName, driver_names, parse_duration};
+use super::{NO_TRAFFIC, ProtocolName, driver_names, parse_duration, traffic_names};
 
 /// Where a service is, unless somebody says otherwise.
 pub const ENDPOINT: &str = "tcp/127.0.0.1:7461";
@@ -26,7 +26,7 @@ pub struct ServeArgs {
     /// Weights that clients may name, each by the name of its file without its endings, or NAME=FILE
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub weights: Vec<String>,
-    /// Start planners and predictors by commands of clients: whoever knows the secret can then run anything as you
+    /// Start planners, predictors and traffic by commands of clients: whoever knows the secret can then run anything as you
     #[arg(long)]
     pub allow_commands: bool,
     /// Where to listen for clients: tcp/HOST:PORT, or tls/HOST:PORT with --zenoh-config
@@ -127,6 +127,23 @@ pub struct SubmitArgs {
     /// When plans take effect, as for `sim run`, but from no file
     #[arg(long, value_name = "WHEN", help_heading = "What to drive, as for `sim run`")]
     pub latency: Option<Latency>,
+    /// Agents that react, as for `sim run`
+    #[arg(long, value_name = "NAME", default_value = NO_TRAFFIC, value_parser = traffic_names(), help_heading = "What to drive, as for `sim run`")]
+    pub traffic: String,
+    /// Traffic of your own, which lies where the service is; only a service with --allow-commands starts it
+    #[arg(long, value_name = "COMMAND", conflicts_with = "traffic", help_heading = "What to drive, as for `sim run`")]
+    pub traffic_command: Option<String>,
+    /// What is drawn about agents that react is drawn from this [default: 0]
+    #[arg(
+        long,
+        value_name = "N",
+        conflicts_with = "traffic_command",
+        help_heading = "What to drive, as for `sim run`"
+    )]
+    pub traffic_seed: Option<u64>,
+    /// Who is taken over from the log, as radius=80
+    #[arg(long, value_name = "KEY=VALUE", num_args = 1, help_heading = "What to drive, as for `sim run`")]
+    pub traffic_set: Vec<String>,
     /// Read every scene before the first is driven
     #[arg(long, help_heading = "How to run")]
     pub verify: bool,

@@ -21,7 +21,7 @@ use wire::proto::service::{self as message, Settings, ask, reply};
 use wire::service::{Client, ServiceError};
 use wire::session::{ZenohFile, ZenohFileError, settle_for};
 
-use crate::cli::{CancelArgs, ServiceArgs, SettingsArgs, SubmitArgs};
+use crate::cli::{CancelArgs, NO_TRAFFIC, ServiceArgs, SettingsArgs, SubmitArgs};
 use crate::serve::offer::is_name;
 use crate::serve::secret::{self, SecretError};
 
@@ -152,6 +152,10 @@ pub fn submit(arguments: &SubmitArgs, service: &mut Service) -> Result<message::
         verify: arguments.verify,
         latency: arguments.latency.as_ref().map(ToString::to_string).unwrap_or_default(),
         parallel: arguments.parallel.unwrap_or_default().into(),
+        traffic: if arguments.traffic == NO_TRAFFIC { String::new() } else { arguments.traffic.clone() },
+        traffic_command: arguments.traffic_command.clone().unwrap_or_default(),
+        traffic_seed: arguments.traffic_seed,
+        traffic_set: arguments.traffic_set.clone(),
         ..settings(&arguments.settings)
     };
     let submission = Secret::random().map_err(ClientError::Random)?;

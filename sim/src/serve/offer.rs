@@ -84,8 +84,11 @@ impl Offer {
     /// A refusal.
     pub fn wish(&self, settings: &Settings) -> Result<Wish, Refusal> {
         let refusal = |code: Code, text: String| Err(Refusal { code: code.into(), text });
-        let commands =
-            [("planner-command", &settings.planner_command), ("predictor-command", &settings.predictor_command)];
+        let commands = [
+            ("planner-command", &settings.planner_command),
+            ("predictor-command", &settings.predictor_command),
+            ("traffic-command", &settings.traffic_command),
+        ];
         if let Some((option, _)) = commands.iter().find(|(_, command)| !command.is_empty() && !self.commands) {
             return refusal(
                 Code::NotAllowed,
@@ -112,11 +115,15 @@ impl Offer {
             ("start-timeout", &settings.start_timeout),
             ("planner-command", &settings.planner_command),
             ("predictor-command", &settings.predictor_command),
+            ("traffic", &settings.traffic),
+            ("traffic-command", &settings.traffic_command),
         ];
         // An empty command is none; and what is no driver's is said by what reads command lines.
         let texts = texts.into_iter().filter(|(_, value)| !value.is_empty());
         let arguments = texts.map(|(option, value)| format!("--{option}={value}"));
         let arguments = arguments.chain(settings.set.iter().map(|change| format!("--set={change}")));
+        let arguments = arguments.chain(settings.traffic_seed.map(|seed| format!("--traffic-seed={seed}")));
+        let arguments = arguments.chain(settings.traffic_set.iter().map(|change| format!("--traffic-set={change}")));
         let arguments: Vec<String> = arguments
             .chain(is_set(settings.in_process, "in-process"))
             .chain(is_set(settings.verify, "verify"))
@@ -311,6 +318,26 @@ mod tests {
     }
 
     #[test]
+    fn agents_that_react_become_options_of_sim_run() {
+        let settings = Settings {
+            traffic: "mixed".to_owned(),
+            traffic_seed: Some(7),
+            traffic_set: vec!["radius=80".to_owned(), "pedestrians=stop".to_owned()],
+            ..driven_by("idm")
+        };
+        let offer = offer(&[], false);
+        let wish = offer.wish(&settings).unwrap();
+        let options = ["--traffic-seed=7", "--traffic-set=radius=80", "--traffic-set=pedestrians=stop"];
+        assert_eq!(wish.arguments, [&["--driver=idm", "--traffic=mixed"][..], &options].concat());
+        let traffic = offer.request(&wish, 2).unwrap().settings.traffic.unwrap();
+        assert_eq!(
+            (traffic.node.name.as_str(), &traffic.node.options[..]),
+            ("mixed", &["--seed", "7"].map(str::to_owned)[..])
+        );
+        assert_eq!(traffic.hand_over.radius, 80.0);
+    }
+
+    #[test]
     fn what_is_not_offered_is_refused_with_what_to_do() {
         let offer = offer(&[], false);
         let scenes = |name: &str| Settings { scenes: vec![name.to_owned()], ..driven_by("idm") };
@@ -323,6 +350,15 @@ mod tests {
         assert_eq!(refusal(&offer, &trace).0, Code::NotAllowed);
         let command = Settings { planner_command: "rm -rf /".to_owned(), ..Settings::default() };
         assert_eq!(refusal(&offer, &command).0, Code::NotAllowed);
+        let command = Settings { traffic_command: "rm -rf /".to_owned(), ..driven_by("idm") };
+        let (code, text) = refusal(&offer, &command);
+        assert!(code == Code::NotAllowed && text.contains("traffic-command is not taken"), "{text}");
+        let traffic = |name: &str| Settings { traffic: name.to_owned(), ..driven_by("idm") };
+        assert!(refusal(&offer, &traffic("nobody")).1.starts_with("invalid value 'nobody' for '--traffic <NAME>'"));
+        let replayed = Settings { traffic_seed: Some(4), ..traffic("none") };
+        assert!(refusal(&offer, &replayed).1.contains("all are replayed"));
+        let nowhere = Settings { traffic_set: vec!["radius=-1".to_owned()], ..traffic("idm") };
+        assert!(refusal(&offer, &nowhere).1.contains("radius"));
         assert!(refusal(&offer, &driven_by("nobody")).1.starts_with("invalid value 'nobody' for '--driver <NAME>'"));
         assert!(refusal(&offer, &driven_by("sep")).1.contains("needs weights"));
         // Nothing that is said becomes another option.
@@ -342,6 +378,9 @@ mod tests {
         let offer = offer(&[], true);
         let request = offer.request(&offer.wish(&settings).unwrap(), 2).unwrap();
         assert_eq!(request.settings.driver, "command");
+        let settings = Settings { traffic_command: "python mine.py".to_owned(), ..driven_by("idm") };
+        let traffic = offer.request(&offer.wish(&settings).unwrap(), 2).unwrap().settings.traffic.unwrap();
+        assert_eq!(traffic.node.command.as_deref(), Some("python mine.py"));
     }
 
     #[test]

@@ -19,7 +19,7 @@ use wire::service::{Client, ServiceError};
 use crate::hosts::certificates;
 use crate::killed::Moments;
 use crate::python::{python, tests};
-use crate::stage::{Stage, assert_same, wait_until};
+use crate::stage::{Stage, assert_same, program, wait_until};
 
 const SECRET: &str = "sesame";
 
@@ -241,11 +241,32 @@ fn a_run_is_submitted_watched_and_comes_to_what_sim_run_comes_to() {
 }
 
 #[test]
+fn agents_react_in_a_run_of_a_service_as_in_one_of_sim_run() {
+    let stage = Stage::new();
+    let service = Service::start(&stage, "--workers 2 --allow-commands");
+    let rogue = program("rogue_traffic").display().to_string();
+    for (name, traffic) in [
+        ("drawn", "--traffic mixed --traffic-seed 3 --traffic-set radius=80".to_owned()),
+        ("mine", format!("--traffic-command {rogue} --traffic-set radius=80")),
+    ] {
+        let drive = format!("--driver constant-velocity --record none {traffic}");
+        service.good(&format!("submit {drive} --sets small --name {name}"));
+        let watched = service.good(&format!("watch {name}"));
+        assert!(watched.contains("traffic "), "{watched}");
+        good_beside(&stage, &format!("run {drive} --scenarios small.toml --out own-{name}"));
+        assert_same(&stage.files(&format!("own-{name}")), &stage.files(&format!("served/{name}")));
+    }
+    assert!(service.bad("submit --driver idm --traffic-seed 4").contains("all are replayed"));
+    assert!(service.bad("submit --driver idm --traffic idm --protocol paper").contains("no meaning under"));
+}
+
+#[test]
 fn what_may_not_be_had_is_refused_and_told_what_to_do() {
     let stage = Stage::new();
     let service = Service::start(&stage, "--most-queued 1 --runs-at-once 1");
     let said = service.bad("submit --planner-command true");
     assert!(said.contains("starts no programs") && said.contains("hint:"), "{said}");
+    assert!(service.bad("submit --driver idm --traffic-command true").contains("traffic-command is not taken"));
     assert!(service.bad("submit --driver idm --sets /etc/passwd").contains("paths are not taken"));
     assert!(service.bad("submit --driver idm --name ../out").contains("names of run"));
     assert!(service.bad("submit --driver idm --set horizon=-1").contains("horizon=-1"));

@@ -213,10 +213,16 @@ fn hold(cast: &Cast, lead: Vec<Plan>, driven: &Driven, mut post: Post, means: (W
     }
 }
 
-/// This request, if its plans take effect at once: a step of a session is driven by the plan that is asked for it.
+/// This request, if its plans take effect at once, for a step of a session is driven by the plan that is asked for it; and if all are replayed, for
+/// what leads up to a fork are plans alone.
 fn at_once(request: Request) -> Result<Request, Refusal> {
     let text = "plans of a session take effect at once\nhint: leave latency out, or submit a run";
-    if request.settings.latency.is_none() { Ok(request) } else { Err(refusal(Code::BadSettings, text)) }
+    let replayed = "agents of a session are replayed\nhint: leave traffic out, or submit a run";
+    match (&request.settings.latency, &request.settings.traffic) {
+        (Some(_), _) => Err(refusal(Code::BadSettings, text)),
+        (None, Some(_)) => Err(refusal(Code::BadSettings, replayed)),
+        (None, None) => Ok(request),
+    }
 }
 
 fn refusal(code: Code, text: &str) -> Refusal {
