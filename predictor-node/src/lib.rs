@@ -29,7 +29,7 @@ use wire::node::PredictorFactory;
 
 pub use ctra::Ctra;
 pub use ctrv::{Ctrv, TurnRate};
-pub use network::{FeatureStyle, Network, NetworkError};
+pub use network::{FeatureStyle, Foresight, Network, NetworkError};
 pub use oracle::Oracle;
 
 /// The predictors by name.

@@ -12,7 +12,7 @@ use network::weights::{Weights, WeightsError};
 use thiserror::Error;
 use wire::node::{Predictor, PredictorFactory, StepInput};
 use world::geometry::{Point, Pose, wrap_angle};
-use world::observation::Briefing;
+use world::observation::{Briefing, Observation};
 use world::plan::{Control, Future, PLAN_STEPS, PredictedTrajectory, UncheckedPrediction};
 use world::scene::TrackId;
 
@@ -76,6 +76,24 @@ impl Network {
     pub fn with_futures(self, log: Oracle) -> Self {
         Self { log: Some(log), ..self }
     }
+
+    /// Whether it tells where others will be: some networks tell what the AV does alone.
+    #[must_use]
+    pub fn predicts(&self) -> bool {
+        self.model.variant().predicts()
+    }
+
+    /// The network in the episode of `briefing`, for who does not ask it at every step.
+    #[must_use]
+    pub fn foresight(&self, briefing: &Briefing) -> Foresight {
+        Foresight {
+            model: Arc::clone(&self.model),
+            features: SceneFeatures::new(&briefing.map, self.settings),
+            history: History::new(briefing),
+            workspace: Workspace::new(1),
+            answer: [Answer::empty()],
+        }
+    }
 }
 
 /// The network with the weights in the file `path`, or those that are built in, and how its features are made: as asked for, else as the
@@ -114,34 +132,44 @@ pub(crate) fn model(path: Option<&Path>, style: Option<FeatureStyle>) -> Result<
 
 impl PredictorFactory for Network {
     fn start(&self, briefing: &Briefing) -> Result<Box<dyn Predictor>, String> {
-        Ok(Box::new(Drive {
-            model: Arc::clone(&self.model),
-            features: SceneFeatures::new(&briefing.map, self.settings),
-            history: History::new(briefing),
-            workspace: Workspace::new(1),
-            answer: [Answer::empty()],
-            log: self.log.as_ref().map(|log| log.start(briefing)).transpose()?,
-        }))
+        let log = self.log.as_ref().map(|log| log.start(briefing)).transpose()?;
+        Ok(Box::new(Drive { foresight: self.foresight(briefing), log }))
     }
 }
 
-/// The predictor in one episode.
-struct Drive {
+/// The network in one episode. It must see every observation, for it looks at the last two seconds; it need not be asked at each.
+pub struct Foresight {
     model: Arc<Model>,
     features: SceneFeatures,
     history: History,
     workspace: Workspace,
     answer: [Answer; 1],
+}
+
+impl Foresight {
+    /// Takes in an observation of which nothing is asked: the network does not run.
+    pub fn see(&mut self, observation: &Observation) {
+        self.history.observe(observation);
+    }
+
+    /// Takes in an observation, if it was not seen yet, and tells the futures at its step.
+    pub fn foresee(&mut self, observation: &Observation) -> UncheckedPrediction {
+        let features = self.features.at(&self.history.observe(observation));
+        self.model.forward(&[&features.frame], &mut self.workspace, &mut self.answer);
+        let predicted = if self.model.variant().predicts() { self.answer[0].futures } else { 0 };
+        answered(&self.answer[0], predicted, &features, observation.step, observation.av.pose())
+    }
+}
+
+/// The predictor in one episode.
+struct Drive {
+    foresight: Foresight,
     log: Option<Box<dyn Predictor>>,
 }
 
 impl Predictor for Drive {
     fn predict(&mut self, step: &StepInput<'_>) -> Result<UncheckedPrediction, String> {
-        let observation = step.observation;
-        let features = self.features.at(&self.history.observe(observation));
-        self.model.forward(&[&features.frame], &mut self.workspace, &mut self.answer);
-        let predicted = if self.model.variant().predicts() { self.answer[0].futures } else { 0 };
-        let mut told = answered(&self.answer[0], predicted, &features, observation.step, observation.av.pose());
+        let mut told = self.foresight.foresee(step.observation);
         if let Some(log) = &mut self.log {
             told.futures = log.predict(step)?.futures;
         }

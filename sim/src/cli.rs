@@ -653,8 +653,7 @@ pub(crate) const NO_TRAFFIC: &str = "none";
 
 /// What `--traffic` takes.
 fn traffic_names() -> PossibleValuesParser {
-    let names = traffic_node::character::CASTS.iter().map(|(name, _)| *name);
-    std::iter::once(NO_TRAFFIC).chain(names).collect::<Vec<_>>().into()
+    std::iter::once(NO_TRAFFIC).chain(traffic_node::names()).collect::<Vec<_>>().into()
 }
 
 /// `5s`, `500ms`, `2m`; above zero.

@@ -240,7 +240,9 @@ fn traffic(arguments: &RunArgs) -> Result<Option<Traffic>, RequestError> {
         (None, cli::NO_TRAFFIC) => return Err(RequestError::NobodyReacts),
         (None, name) => {
             let seed = arguments.traffic_seed.unwrap_or(0);
-            Node { options: vec!["--seed".to_owned(), seed.to_string()], ..Node::named(name, false) }
+            // The network of traffic is the one that is built in, whatever network drives the AV.
+            let weights_sha256 = traffic_node::has_network(name).then(|| weights::built_in_sha256().to_owned());
+            Node { options: vec!["--seed".to_owned(), seed.to_string()], weights_sha256, ..Node::named(name, false) }
         }
     };
     Ok(Some(Traffic { node, hand_over }))
@@ -354,6 +356,18 @@ mod tests {
             _ => &[],
         };
         ["--driver", driver.name].iter().chain(weights).chain(more).copied().collect()
+    }
+
+    #[test]
+    fn the_network_of_traffic_is_the_one_that_is_built_in_and_named_by_its_checksum() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml");
+        let node = |line: &[&str]| resolve(line).settings.traffic.unwrap().node;
+        for line in [&["--driver", "idm"][..], &["--driver", "dipp", "--weights", file]] {
+            let network = node(&[line, &["--traffic", "network", "--traffic-seed", "4"]].concat());
+            assert_eq!(network.weights_sha256.as_deref(), Some(weights::built_in_sha256()));
+            assert_eq!(network.options, ["--seed", "4"]);
+        }
+        assert_eq!(node(&["--driver", "idm", "--traffic", "mixed"]).weights_sha256, None);
     }
 
     #[test]

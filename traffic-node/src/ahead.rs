@@ -43,6 +43,17 @@ const SIGHT_SECONDS: f64 = 3.5;
 const STRIDE: usize = 8;
 const SAG: f64 = 0.5;
 
+/// What of the others counts for somebody.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Heed {
+    /// Nobody: for measures of what somebody else has decided.
+    Nobody,
+    /// Whoever would be driven into within a second and a half: [`crate::collision`].
+    LastResort,
+    /// Whoever is followed, crosses or wants room.
+    Everybody,
+}
+
 /// Somebody's own place, as it looks ahead.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct View<'a> {
@@ -55,6 +66,7 @@ pub(crate) struct View<'a> {
     /// Time that is left to who crosses (s), and how far one moves aside (m).
     pub margin: f64,
     pub room: f64,
+    pub heed: Heed,
 }
 
 /// What comes of what is ahead.
@@ -145,6 +157,12 @@ impl View<'_> {
         }
         let hint = self.place.sample + (along.max(0.0) * (1.0 / SPACING)) as u32 as usize;
         let place = self.way.follow(body.position, hint);
+        if self.heed == Heed::LastResort {
+            if collision::is_imminent(self, body, forecast) {
+                ahead.acceleration = -HARDEST_BRAKING;
+            }
+            return;
+        }
         if is_seen && self.look_at(body, &place, ahead) || !comes_near(self, body, &place, forecast) {
             return;
         }

@@ -2,18 +2,19 @@
 
 use std::sync::Arc;
 
-use world::geometry::Point;
+use world::geometry::{Point, Pose, angle_difference};
 use world::scene::{AgentKind, AgentState, TrackId};
 use world::traffic::way::SPACING;
 use world::traffic::{Taken, Way, WayPlace, Ways};
 
-use crate::ahead::View;
+use crate::ahead::{Heed, View};
 use crate::character::{Character, LATEST};
 use crate::idm::{HARDEST_BRAKING, Idm};
 use crate::mobil::{self, Incentive};
 use crate::motion::Motion;
 use crate::scenery::{Body, Forecast, Scenery, Who};
 use crate::signals::Lights;
+use crate::trajectory::{Trajectory, Traveller, nearest};
 
 /// The first step after a hand-over changes the speed by no more than 0.19 m/s: nobody's foot is on the brake at once.
 const FIRST_ACCELERATION: f64 = 1.9;
@@ -25,6 +26,13 @@ const ASIDE: f64 = 0.05;
 const THINKS: u32 = 10;
 const ARRIVED: u32 = 20;
 const SETTLED: u32 = 60;
+
+/// Who follows a future and is slower than this (m/s) looks ahead as if he were this fast: so nobody sets off, or creeps, into somebody.
+const CREEP: f64 = 0.5;
+
+/// Who has followed a future and is no farther than this from the way that he was taken over with (m, rad) goes on along it.
+const BACK_METERS: f64 = 2.0;
+const BACK_RADIANS: f64 = 0.5;
 
 /// Who has changed lanes looks for how his lane goes on when less than this of his way is left (m).
 const LEAST_LEFT: f64 = 90.0;
@@ -57,9 +65,15 @@ pub(crate) struct Driver {
     kind: AgentKind,
     since_step: u32,
     character: Character,
+    /// The way that it was taken over with, and the one that it is on.
+    own: Arc<Way>,
     way: Arc<Way>,
-    /// Whether that is its own, of a lane that it changed to.
+    /// Whether that is another, of a lane that it changed to or of a future that it followed.
     has_changed: bool,
+    /// What it follows of a future.
+    trajectory: Option<Trajectory>,
+    /// Whether it was met just now, and has not been told of a future yet.
+    pub is_new: bool,
     place: WayPlace,
     motion: Motion,
     /// As it was last.
@@ -93,8 +107,11 @@ impl Driver {
             is_present: true,
             kind: taken.kind,
             since_step: taken.since_step,
+            own: Arc::clone(&taken.way),
             way: Arc::clone(&taken.way),
             has_changed: false,
+            trajectory: None,
+            is_new: true,
             motion: Motion::of(state.position(), state.heading, state.velocity(), rear, curvature),
             speeds: Vec::new(),
             own_speed: state.speed(),
@@ -171,18 +188,62 @@ impl Driver {
         })
     }
 
-    /// The acceleration (m/s^2) that it wishes for; it may go over to another lane.
+    /// Is told its part of a future from `step` on: its poses a step later, two steps later, and so on. Where it has none, or none that can be
+    /// driven, it drives by itself.
+    pub(crate) fn follow(&mut self, step: u32, poses: Option<&[Pose]>, ways: &Ways) {
+        self.is_new = false;
+        // What the network says of people on foot was not made for cars in their way.
+        let poses = poses.filter(|_| self.kind != AgentKind::Pedestrian);
+        let traveller = Traveller {
+            kind: self.kind,
+            state: &self.state,
+            course: self.motion.course,
+            own: &self.own,
+            way: &self.way,
+        };
+        let trajectory = poses.and_then(|poses| Trajectory::new(step, poses, &traveller, ways));
+        if let Some(trajectory) = &trajectory {
+            if !Arc::ptr_eq(&self.way, &trajectory.way) {
+                self.way = Arc::clone(&trajectory.way);
+                self.place = self.way.follow(self.motion.position, nearest(&self.way, self.motion.position));
+                self.has_changed = true;
+            }
+            self.target = 0.0;
+        } else if self.trajectory.is_some() {
+            self.go_back(ways);
+        }
+        self.trajectory = trajectory;
+    }
+
+    /// Goes on by itself where a future leaves off: along its own way where that is near, else where the future led.
+    fn go_back(&mut self, ways: &Ways) {
+        let place = self.own.follow(self.motion.position, nearest(&self.own, self.motion.position));
+        let error = angle_difference(self.own.heading(place.sample), self.motion.course);
+        if place.lateral.abs() <= BACK_METERS && error.abs() <= BACK_RADIANS {
+            self.way = Arc::clone(&self.own);
+            self.has_changed = false;
+            self.place = place;
+        }
+        self.aim(ways);
+    }
+
+    /// The acceleration (m/s^2) that it wishes for; it may go over to another lane. Who follows a future heeds others as `heed` says.
     pub(crate) fn decide(
         &mut self,
         step: u32,
         scenery: &Scenery,
         lights: &Lights,
         ways: &Ways,
-        near: &mut Vec<(f64, usize)>,
+        (heed, near): (Heed, &mut Vec<(f64, usize)>),
     ) -> f64 {
         let own = self.body();
+        if let Some(pace) = self.pace(step) {
+            return pace.min(self.heeded(heed, &own, scenery, lights, near));
+        }
         let Character { idm, margin, room, politeness, threshold, .. } = self.character;
-        let view = View { way: &self.way, place: self.place, target: self.target, own: &own, idm: &idm, margin, room };
+        let heed = Heed::Everybody;
+        let view =
+            View { way: &self.way, place: self.place, target: self.target, own: &own, idm: &idm, margin, room, heed };
         let ahead = view.ahead(scenery, near);
         let free = idm.free(own.speed, self.speeds[self.place.sample]);
         let mut wish = free.min(ahead.acceleration);
@@ -206,6 +267,24 @@ impl Driver {
         }
         self.target += (aside - self.target).clamp(-ASIDE, ASIDE);
         self.late(wish)
+    }
+
+    /// The acceleration (m/s^2) that the future asks for which it follows.
+    pub(crate) fn pace(&self, step: u32) -> Option<f64> {
+        let trajectory = self.trajectory.as_ref()?;
+        Some(trajectory.acceleration(step, self.place.station, self.motion.speed))
+    }
+
+    /// The acceleration (m/s^2) that others and lights allow who follows a future.
+    fn heeded(&self, heed: Heed, own: &Body, scenery: &Scenery, lights: &Lights, near: &mut Vec<(f64, usize)>) -> f64 {
+        if heed == Heed::Nobody {
+            return f64::INFINITY;
+        }
+        let Character { idm, margin, room, .. } = Character::GUARDED;
+        let lights = |view: &View<'_>| lights.acceleration(&self.way, view.front(), own.speed, &idm);
+        let own = &Body { speed: own.speed.max(CREEP), ..*own };
+        let view = View { way: &self.way, place: self.place, target: 0.0, own, idm: &idm, margin, room, heed };
+        view.ahead(scenery, near).acceleration.min(lights(&view))
     }
 
     fn go_over(&mut self, step: u32, way: Way, ways: &Ways) {
@@ -241,7 +320,9 @@ impl Driver {
 
     /// Its state a step later.
     pub(crate) fn advance(&mut self, step: u32, wish: f64) -> AgentState {
-        let mut acceleration = wish.clamp(-HARDEST_BRAKING, self.character.idm.acceleration);
+        // A future is held by its own bounds.
+        let most = if self.trajectory.is_some() { f64::INFINITY } else { self.character.idm.acceleration };
+        let mut acceleration = wish.clamp(-HARDEST_BRAKING, most);
         if step == self.since_step {
             acceleration = acceleration.clamp(-FIRST_ACCELERATION, FIRST_ACCELERATION);
         }

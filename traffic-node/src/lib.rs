@@ -9,6 +9,8 @@
 //! taken ───────▶ Driver: way, station, speed, character ───────┴─▶ ahead, crossing, signals ─▶ acceleration ─▶ motion ─▶ moves
 //! ```
 //!
+//! Or they follow one of the joint futures that the prediction network foresees ([`Foreseen`]); whoever is in none is driven as `idm`.
+//!
 //! | module | what |
 //! | --- | --- |
 //! | [`idm`] | the intelligent driver model, and whose parameters |
@@ -22,6 +24,8 @@
 //! | `signals` | where one stops at red |
 //! | `mobil` | changes of lane |
 //! | `motion` | from an acceleration to the next state |
+//! | `futures` | which of the network's futures is driven, and for how long |
+//! | `trajectory` | somebody's part of it, made drivable |
 //!
 //! The same seed, scene and observations give the same bits, in whatever order agents are told.
 
@@ -30,21 +34,28 @@ pub mod character;
 mod choice;
 mod collision;
 mod driver;
+mod futures;
 mod gap_acceptance;
 pub mod idm;
 mod mobil;
 mod motion;
 mod scenery;
 mod signals;
+mod trajectory;
 
+use std::sync::Arc;
+
+use predictor_node::Network;
 use wire::node::{StepInput, Traffic, TrafficFactory};
 use world::observation::{Briefing, Observation};
 use world::traffic::{Taken, TrafficMove, UncheckedMoves, Ways};
 
+pub use ahead::Heed;
 pub use character::{Cast, Character};
-pub use choice::Choice;
+pub use choice::{Choice, TrafficError, TrafficName, has_network, names};
 
 use crate::driver::Driver;
+use crate::futures::Futures;
 use crate::scenery::Scenery;
 use crate::signals::Lights;
 
@@ -71,6 +82,40 @@ impl Characters {
     }
 }
 
+/// Traffic that follows the futures of the prediction network.
+#[derive(Clone)]
+pub struct Foreseen {
+    /// Who foresees.
+    pub network: Arc<Network>,
+    /// Which future is drawn is drawn from this, the scene's name and the step.
+    pub seed: u64,
+    /// What who follows a future heeds of the others.
+    pub heed: Heed,
+}
+
+impl Foreseen {
+    /// By this network.
+    #[must_use]
+    pub fn new(network: Network, seed: u64) -> Self {
+        Self { network: Arc::new(network), seed, heed: Heed::LastResort }
+    }
+
+    /// The agents of the episode of `briefing`.
+    #[must_use]
+    pub fn company(&self, briefing: &Briefing) -> Company {
+        let company = Company::new(Characters { cast: Cast::Idm, seed: self.seed }, briefing);
+        let seed = self.seed ^ character::fnv1a(&company.scene);
+        let futures = Futures::new(self.network.foresight(briefing), seed);
+        Company { futures: Some(futures), heed: self.heed, ..company }
+    }
+}
+
+impl TrafficFactory for Foreseen {
+    fn start(&self, briefing: &Briefing) -> Result<Box<dyn Traffic>, String> {
+        Ok(Box::new(self.company(briefing)))
+    }
+}
+
 /// The agents of an episode.
 pub struct Company {
     characters: Characters,
@@ -84,6 +129,10 @@ pub struct Company {
     wishes: Vec<f64>,
     /// Room for those whom a driver looks at.
     near: Vec<(f64, usize)>,
+    /// What they follow; none where each drives by himself.
+    futures: Option<Futures>,
+    /// What who follows one heeds of the others.
+    heed: Heed,
 }
 
 impl Company {
@@ -97,6 +146,8 @@ impl Company {
             drivers: Vec::new(),
             wishes: Vec::new(),
             near: Vec::new(),
+            futures: None,
+            heed: Heed::Everybody,
         }
     }
 
@@ -114,6 +165,16 @@ impl Company {
         }
         self.drivers.retain(|driver| driver.is_present);
     }
+
+    /// Tells the drivers what they are to follow: all of them where another future is drawn, else those who were met just now.
+    fn foresee(&mut self, observation: &Observation) {
+        let Some(futures) = &mut self.futures else { return };
+        let step = observation.step;
+        let is_another = futures.see(observation, !self.drivers.is_empty());
+        for driver in self.drivers.iter_mut().filter(|driver| is_another || driver.is_new) {
+            driver.follow(step, futures.of(driver.track, step), &self.ways);
+        }
+    }
 }
 
 impl Traffic for Company {
@@ -126,12 +187,13 @@ impl Company {
     /// Where each of `taken` is a step after `observation`.
     pub fn next(&mut self, observation: &Observation, taken: &[Taken]) -> UncheckedMoves {
         self.meet(taken);
+        self.foresee(observation);
         self.scenery.see(observation, &self.drivers);
         self.lights.see(&observation.signals);
         self.wishes.clear();
         for index in 0..self.drivers.len() {
-            let wish =
-                self.drivers[index].decide(observation.step, &self.scenery, &self.lights, &self.ways, &mut self.near);
+            let room = (self.heed, &mut self.near);
+            let wish = self.drivers[index].decide(observation.step, &self.scenery, &self.lights, &self.ways, room);
             self.wishes.push(wish);
         }
         let moves = self

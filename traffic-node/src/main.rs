@@ -14,12 +14,16 @@ fn main() -> ExitCode {
         .with_ansi(terminal::colours(&std::io::stderr()))
         .with_writer(std::io::stderr)
         .init();
-    match wire::node::serve_traffic(&cli.node, cli.choice.factory()) {
+    match run(&cli) {
         Ok(Stop::Interrupted) => ExitCode::from(130),
         Ok(Stop::ParentGone | Stop::SimGone) => ExitCode::SUCCESS,
         Err(e) => {
-            eprintln!("error: {:#}", anyhow::Error::from(e));
+            eprintln!("error: {e:#}");
             ExitCode::from(2)
         }
     }
+}
+
+fn run(cli: &cli::Cli) -> anyhow::Result<Stop> {
+    Ok(wire::node::serve_traffic(&cli.node, cli.choice.factory()?)?)
 }

@@ -17,7 +17,7 @@ const SETTLING_METERS: f64 = 5.0;
 const LARGEST_OFFSET: f64 = 3.0;
 
 /// Tightest curve (1/m), and most sideways acceleration (m/s^2): what a car can do.
-const TIGHTEST: f64 = 0.25;
+pub(crate) const TIGHTEST: f64 = 0.25;
 const MOST_SIDEWAYS: f64 = 5.0;
 
 /// A heading that fits the course no better than at hand-over comes to fit it over this distance (m).
@@ -28,6 +28,9 @@ const BEND_FADES: f64 = 2.0;
 
 /// In the first step the course turns by no more than this (rad): how far the wheels were turned is not known.
 const FIRST_TURN: f64 = 0.018;
+
+/// A heading turns by no more in a step (rad): what a kink asks for beyond that comes later.
+const MOST_TURN: f64 = 0.3;
 
 /// A velocity that leads no farther aside than this (m/s) from where the front points says nothing, and a slip above this (rad) is noise.
 const ASIDE: f64 = 0.3;
@@ -67,6 +70,7 @@ impl Motion {
 
     /// A step on, at an acceleration (m/s^2), steering to `target` (m to the left of the way).
     pub(crate) fn advance(&mut self, way: &Way, place: &WayPlace, target: f64, acceleration: f64) {
+        let heading = self.heading();
         let next = (self.speed + acceleration * STEP_SECONDS).max(0.0);
         let moved = 0.5 * (self.speed + next) * STEP_SECONDS;
         let settling = (SETTLING_SECONDS * self.speed).max(SETTLING_METERS);
@@ -85,6 +89,8 @@ impl Motion {
         self.position = self.position + Point::unit(self.course + 0.5 * turn) * moved;
         self.course += turn;
         self.speed = next;
+        let turned = self.heading() - heading;
+        self.skew -= turned - turned.clamp(-MOST_TURN, MOST_TURN);
     }
 }
 

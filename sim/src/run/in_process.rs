@@ -9,6 +9,7 @@ use predictor_node::PredictorError;
 use results::settings::{Machine, Node, Planner, Settings};
 use scenarios::Logs;
 use thiserror::Error;
+use traffic_node::TrafficError;
 use wire::hub::Minds;
 use world::scene::{Scene, SceneId};
 
@@ -26,6 +27,8 @@ pub enum InProcessError {
     Planner(#[from] PlannerError),
     #[error(transparent)]
     Predictor(#[from] PredictorError),
+    #[error(transparent)]
+    Traffic(#[from] TrafficError),
 }
 
 #[derive(Parser)]
@@ -73,21 +76,23 @@ pub fn minds(settings: &Settings, machine: &Machine, logs: &Arc<DrivenLogs>) -> 
             return Err(InProcessError::NotOurs);
         }
         let line = parsed::<TrafficLine>("traffic-node", "--traffic", &traffic.node, machine)?;
-        Ok(line.choice.factory())
+        Ok(line.choice.factory()?)
     });
     Ok(Minds { planner, predictor: predictor.transpose()?, traffic: traffic.transpose()? })
 }
 
 fn parsed<L: Parser>(program: &'static str, which: &str, node: &Node, machine: &Machine) -> Result<L, InProcessError> {
-    let weights = machine.weights.iter().filter(|_| node.weights_sha256.is_some());
-    let weights = weights.flat_map(|path| [weights_option(which), path]);
+    let weights = weights_arguments(which, node, machine);
     let line = [program, which, &node.name].into_iter().chain(node.options.iter().map(String::as_str)).chain(weights);
     L::try_parse_from(line).map_err(|error| InProcessError::Arguments { node: program, error })
 }
 
-/// How a node, called by `which`, is told its weights: a planner's `--weights` are those of a cost.
-pub fn weights_option(which: &str) -> &'static str {
-    if which == "--planner" { "--policy" } else { "--weights" }
+/// How a node, called by `which`, is told where its weights are, if they are not built in: a planner's `--weights` are those of a cost. Those of the
+/// run are the driver's; the network of traffic is always the one that is built in.
+pub fn weights_arguments<'a>(which: &str, node: &Node, machine: &'a Machine) -> impl Iterator<Item = &'a str> {
+    let option = if which == "--planner" { "--policy" } else { "--weights" };
+    let is_told = node.weights_sha256.is_some() && which != "--traffic";
+    machine.weights.iter().filter(move |_| is_told).flat_map(move |path| [option, path.as_str()])
 }
 
 /// The logs of the scenes that are driven now, for who reads them: no scene is read twice.

@@ -21,7 +21,7 @@ use super::calling;
 use super::clock::Clock;
 use super::core::{Drive, Event};
 use super::drive::{Driven, drive};
-use super::in_process::weights_option;
+use super::in_process::weights_arguments;
 use super::lag::Lag;
 use super::line::LineDriver;
 use super::process::Process;
@@ -193,10 +193,7 @@ impl Worker<'_> {
         let index = if node.reads_log { Some(self.shared.index.path(&self.shared.scenes)?) } else { None };
         arguments.extend(index.iter().flat_map(|index| ["--scenarios", index.as_str()]));
         arguments.extend(node.options.iter().map(String::as_str));
-        if node.weights_sha256.is_some() {
-            let weights = self.shared.file.machine.weights.iter();
-            arguments.extend(weights.flat_map(|path| [weights_option(&which), path.as_str()]));
-        }
+        arguments.extend(weights_arguments(&which, node, &self.shared.file.machine));
         self.shared.start_program(program, &format!("{role} {worker}"), &arguments, seat, &self.shared.groups)
     }
 

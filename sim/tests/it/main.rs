@@ -100,7 +100,7 @@ fn help_says_what_can_be_typed() {
           --traffic <NAME>               Agents that react under `strict`, instead of doing what they
                                          did in the log (docs/traffic.md) [default: none] [possible
                                          values: none, idm, waymax, cautious, assertive, distracted,
-                                         mixed]
+                                         mixed, network]
           --traffic-command <COMMAND>    Traffic of your own: a shell command, as --planner-command,
                                          that says where the agents are next that react
           --traffic-seed <N>             What is drawn about agents that react is drawn from this

@@ -17,17 +17,19 @@ fn reacted(stage: &Stage, run: &str) -> Vec<u32> {
 
 #[test]
 fn reactive_runs_are_the_same_for_any_number_of_workers_and_in_process() {
-    let stage = Stage::new();
-    let run = "run --scenarios small.toml --driver constant-velocity --traffic mixed --traffic-seed 3";
-    for how in ["one --parallel 1", "three --parallel 3", "here --in-process --parallel 2"] {
-        let ended = stage.good_sim(&format!("{run} --out {how}"));
-        assert!(ended.out.contains("traffic mixed"), "{}", ended.out);
+    for traffic in ["mixed", "network"] {
+        let stage = Stage::new();
+        let run = format!("run --scenarios small.toml --driver constant-velocity --traffic {traffic} --traffic-seed 3");
+        for how in ["one --parallel 1", "three --parallel 3", "here --in-process --parallel 2"] {
+            let ended = stage.good_sim(&format!("{run} --out {how}"));
+            assert!(ended.out.contains(&format!("traffic {traffic}")), "{}", ended.out);
+        }
+        assert!(reacted(&stage, "one").iter().sum::<u32>() > 50, "{:?}", reacted(&stage, "one"));
+        let first = stage.files("one");
+        assert!(first.keys().any(|name| name.ends_with(".mcap")));
+        assert_same(&first, &stage.files("three"));
+        assert_same(&first, &stage.files("here"));
     }
-    assert!(reacted(&stage, "one").iter().sum::<u32>() > 50, "{:?}", reacted(&stage, "one"));
-    let first = stage.files("one");
-    assert!(first.keys().any(|name| name.ends_with(".mcap")));
-    assert_same(&first, &stage.files("three"));
-    assert_same(&first, &stage.files("here"));
 }
 
 #[test]

@@ -3,11 +3,10 @@
 use std::sync::Arc;
 
 use scenarios::generated::{FAMILIES, Parameters};
-use traffic_node::Cast;
-use traffic_node::character::CASTS;
+use traffic_node::{Cast, Heed};
 use world::scene::Scene;
 
-use crate::stage::{Av, drive_all};
+use crate::stage::{Av, Who, drive_all, everybody};
 
 fn scenes(seeds: std::ops::Range<u64>) -> Vec<Arc<Scene>> {
     let of = |seed: u64| {
@@ -21,24 +20,38 @@ fn scenes(seeds: std::ops::Range<u64>) -> Vec<Arc<Scene>> {
 
 #[test]
 fn an_av_that_does_what_the_human_did_takes_nobody_over() {
-    let count = drive_all(&scenes(0..1), Cast::Idm, Av::Human);
+    let count = drive_all(&scenes(0..1), Who::Cast(Cast::Idm), Av::Human);
     assert_eq!((count.taken, count.at_fault, count.from_behind), (0, 0, 0));
 }
 
-fn hold_in(scenes: &[Arc<Scene>]) {
-    for (cast, count) in CASTS.map(|(_, cast)| (cast, drive_all(scenes, cast, Av::BrakesEarly))) {
+fn hold_in(scenes: &[Arc<Scene>], all: impl Iterator<Item = Who>) {
+    let counts: Vec<_> = all.map(|who| (who, drive_all(scenes, who, Av::BrakesEarly))).collect();
+    for (who, count) in counts {
         assert!(count.taken > 50, "{}", count.taken);
-        count.check(cast);
+        count.check(who);
     }
 }
 
 #[test]
 fn nobody_drives_through_anybody_jumps_or_runs_a_red_light() {
-    hold_in(&scenes(0..2));
+    hold_in(&scenes(0..2), everybody().filter(|who| *who != Who::Network));
+}
+
+#[test]
+fn nobody_does_who_follows_a_future() {
+    hold_in(&scenes(0..1), [Who::Network].into_iter());
 }
 
 #[test]
 #[ignore = "minutes: 200 scenes"]
 fn nobody_does_in_200_scenes() {
-    hold_in(&scenes(2..12));
+    hold_in(&scenes(2..12), everybody());
+}
+
+#[test]
+#[ignore = "a measure: what futures come to whose drivers heed nobody, and who is in their way alone"]
+fn futures_as_they_are() {
+    for heed in [Heed::Nobody, Heed::LastResort, Heed::Everybody] {
+        drive_all(&scenes(0..2), Who::Heeding(heed), Av::BrakesEarly);
+    }
 }

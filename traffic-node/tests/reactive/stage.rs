@@ -1,15 +1,18 @@
 //! Drives an episode with agents that react, and counts what happens to them.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
+use std::fmt;
+use std::sync::{Arc, LazyLock};
 
 use episode::protocol::{Motion, Protocol, StrictSettings};
 use episode::traffic::TrafficSettings;
 use episode::{Episode, Outcome};
-use traffic_node::{Cast, Characters};
+use predictor_node::Network;
+use traffic_node::character::CASTS;
+use traffic_node::{Cast, Characters, Company, Foreseen, Heed};
 use wire::proto::event::{Contact, Kind};
 use world::geometry::{Point, Pose, angle_difference, boxes_overlap};
-use world::observation::{Observation, ObservedAgent};
+use world::observation::{Briefing, Observation, ObservedAgent};
 use world::plan::{PLAN_STEPS, Plan, PlanState, STEP_SECONDS, UncheckedPlan};
 use world::scene::{AgentState, Scene, TrackId};
 use world::traffic::Taken;
@@ -21,6 +24,42 @@ pub enum Av {
     Human,
     /// Along the log's path, but from step 10 on it brakes at 2.5 m/s^2 down to a third of its speed.
     BrakesEarly,
+}
+
+/// Who drives the agents that react.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Who {
+    Cast(Cast),
+    /// The network's futures, as `--traffic network` has them.
+    Network,
+    /// The same, heeding others so.
+    Heeding(Heed),
+}
+
+/// Everybody whom `--traffic` names.
+pub fn everybody() -> impl Iterator<Item = Who> {
+    CASTS.into_iter().map(|(_, cast)| Who::Cast(cast)).chain([Who::Network])
+}
+
+impl Who {
+    pub fn company(self, seed: u64, briefing: &Briefing) -> Company {
+        static FORESEEN: LazyLock<Foreseen> = LazyLock::new(|| Foreseen::new(Network::open(None, None).unwrap(), 0));
+        match self {
+            Self::Cast(cast) => Characters { cast, seed }.company(briefing),
+            Self::Network => Foreseen { seed, ..FORESEEN.clone() }.company(briefing),
+            Self::Heeding(heed) => Foreseen { seed, heed, ..FORESEEN.clone() }.company(briefing),
+        }
+    }
+}
+
+impl fmt::Display for Who {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Cast(cast) => cast.fmt(f),
+            Self::Network => f.pad("network"),
+            Self::Heeding(heed) => f.pad(&format!("{heed:?}")),
+        }
+    }
 }
 
 /// What became of the agents.
@@ -64,11 +103,11 @@ impl Count {
     }
 
     /// Holds the bounds that hold whatever the AV does.
-    pub fn check(&self, cast: Cast) {
-        assert!(self.overlaps * 1000 <= self.agent_steps, "{cast}: {}", self.line());
+    pub fn check(&self, who: Who) {
+        assert!(self.overlaps * 1000 <= self.agent_steps, "{who}: {}", self.line());
         let [place, heading, speed] = self.jumps;
-        assert!(place <= 0.05 && heading <= 0.02 && speed <= 0.2, "{cast}: {}", self.line());
-        assert_eq!(self.red, 0, "{cast}");
+        assert!(place <= 0.05 && heading <= 0.02 && speed <= 0.2, "{who}: {}", self.line());
+        assert_eq!(self.red, 0, "{who}");
     }
 
     /// A line of a table.
@@ -172,10 +211,10 @@ fn entangled(scene: &Scene) -> BTreeSet<(i32, i32)> {
 }
 
 /// Drives `scene`; none where it cannot be driven.
-pub fn drive(scene: &Arc<Scene>, settings: &TrafficSettings, cast: Cast, av: Av) -> Option<(Outcome, Count)> {
+pub fn drive(scene: &Arc<Scene>, settings: &TrafficSettings, who: Who, av: Av) -> Option<(Outcome, Count)> {
     let episode = Episode::new(Arc::clone(scene), &protocol()).ok()?;
     let mut episode = episode.with_traffic(settings).unwrap();
-    let mut traffic = Characters { cast, seed: 7 }.company(&episode.briefing());
+    let mut traffic = who.company(7, &episode.briefing());
     let judged = Arc::clone(episode.judged_scene());
     let entangled = entangled(&judged);
     let start = episode.observe().log_index as usize;
@@ -199,7 +238,7 @@ pub fn drive(scene: &Arc<Scene>, settings: &TrafficSettings, cast: Cast, av: Av)
             .iter()
             .filter(|agent| runs_red(&judged, observation.log_index as usize, observation.step, agent, &next))
             .count();
-        episode.move_traffic(moves).unwrap_or_else(|error| panic!("{} {cast}: {error}", scene.id()));
+        episode.move_traffic(moves).unwrap_or_else(|error| panic!("{} {who}: {error}", scene.id()));
         episode.advance(&plan(&judged, &mut path, av, &observation));
         count.steps += usize::from(!taken.is_empty());
         count.agent_steps += taken.len();
@@ -217,16 +256,16 @@ pub fn drive(scene: &Arc<Scene>, settings: &TrafficSettings, cast: Cast, av: Av)
 }
 
 /// Drives all of `scenes`, prints who overlapped and the sums, and says the sums.
-pub fn drive_all(scenes: &[Arc<Scene>], cast: Cast, av: Av) -> Count {
+pub fn drive_all(scenes: &[Arc<Scene>], who: Who, av: Av) -> Count {
     let mut all = Count::default();
     for scene in scenes {
-        let Some((_, count)) = drive(scene, &TrafficSettings::default(), cast, av) else { continue };
+        let Some((_, count)) = drive(scene, &TrafficSettings::default(), who, av) else { continue };
         for told in count.overlapping.values() {
-            println!("    {} {cast}: {told}", scene.id());
+            println!("    {} {who}: {told}", scene.id());
         }
         all.add(&count);
     }
-    println!("{cast:10} {av:?}: {}", all.line());
+    println!("{who:10} {av:?}: {}", all.line());
     all
 }
 
