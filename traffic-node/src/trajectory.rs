@@ -219,7 +219,8 @@ mod tests {
     fn a_trajectory_is_held_in_time_and_place() {
         let ways = road();
         // To the lane beside within 4 s, and slower.
-        let aside = |time: f64| 3.5 * (time / 4.0).min(1.0).powi(2) * (3.0 - 2.0 * (time / 4.0).min(1.0));
+        let share = |time: f64| (time / 4.0).min(1.0);
+        let aside = |time: f64| 3.5 * share(time) * share(time) * (3.0 - 2.0 * share(time));
         let states = driven(&ways, 9.0, &poses(|time| (50.0 + 9.0 * time - 0.5 * time * time, aside(time), 0.0)));
         for (step, state) in states.iter().enumerate().skip(5) {
             let time = 0.1 * (step as f64 + 1.0);

@@ -27,7 +27,7 @@ fn an_av_that_does_what_the_human_did_takes_nobody_over() {
 fn hold_in(scenes: &[Arc<Scene>], all: impl Iterator<Item = Who>) {
     let counts: Vec<_> = all.map(|who| (who, drive_all(scenes, who, Av::BrakesEarly))).collect();
     for (who, count) in counts {
-        assert!(count.taken > 50, "{}", count.taken);
+        assert!(count.taken > 2 * scenes.len(), "{}", count.taken);
         count.check(who);
     }
 }
@@ -39,7 +39,14 @@ fn nobody_drives_through_anybody_jumps_or_runs_a_red_light() {
 
 #[test]
 fn nobody_does_who_follows_a_future() {
-    hold_in(&scenes(0..1), [Who::Network].into_iter());
+    let few: Vec<_> = scenes(0..1).into_iter().step_by(4).collect();
+    hold_in(&few, [Who::Network].into_iter());
+}
+
+#[test]
+#[ignore = "minutes: the network in 40 scenes"]
+fn nobody_does_who_follows_a_future_in_40_scenes() {
+    hold_in(&scenes(0..2), [Who::Network].into_iter());
 }
 
 #[test]

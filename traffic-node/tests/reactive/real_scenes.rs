@@ -50,7 +50,7 @@ fn from_behind_in_replay(scene: &Arc<Scene>) -> usize {
     struck.filter(|event| !event.at_fault && matches!(event.contact(), Contact::Rear | Contact::Standing)).count()
 }
 
-fn holds_in(folder: &str) {
+fn holds_in(folder: &str, all: impl Iterator<Item = Who>) {
     let scenes = scenes(folder);
     if scenes.is_empty() {
         return;
@@ -59,7 +59,7 @@ fn holds_in(folder: &str) {
     println!("{folder}: {} scenes; in replay {replay} contacts from behind of an AV that brakes early", scenes.len());
     // All are driven before any is judged, so that whoever reads the output sees all.
     let both = |who| [Av::Human, Av::BrakesEarly].map(|av| drive_all(&scenes, who, av));
-    let counts: Vec<_> = everybody().map(|who| (who, both(who))).collect();
+    let counts: Vec<_> = all.map(|who| (who, both(who))).collect();
     for (who, [human, brakes]) in counts {
         human.check(who);
         brakes.check(who);
@@ -70,18 +70,24 @@ fn holds_in(folder: &str) {
 
 #[test]
 fn in_scenes_of_20_s_nobody_drives_through_anybody() {
-    holds_in("data/womd-derived/20s");
+    holds_in("data/womd-derived/20s", everybody());
 }
 
 #[test]
 fn in_scenes_of_9_s_nobody_drives_through_anybody() {
-    holds_in("data/womd-derived/9s");
+    holds_in("data/womd-derived/9s", everybody().filter(|who| *who != Who::Network));
+}
+
+#[test]
+#[ignore = "a minute and more: the network in 39 scenes"]
+fn in_scenes_of_9_s_nobody_does_who_follows_a_future() {
+    holds_in("data/womd-derived/9s", [Who::Network].into_iter());
 }
 
 #[test]
 #[ignore = "minutes: 419 scenes of 9 s"]
 fn in_419_scenes_nobody_drives_through_anybody() {
-    holds_in("data/train-9s");
+    holds_in("data/train-9s", everybody());
 }
 
 #[test]
