@@ -48,7 +48,7 @@ impl Traffic for Rogue {
                 let new = moves.moves.iter_mut().zip(taken).filter(|(_, taken)| taken.since_step == step);
                 new.for_each(|(moved, _)| moved.state.x += 0.4);
             }
-            Some((at, what)) if step >= *at && taken.first().is_some() && about_somebody(what, &mut moves.moves) => {}
+            Some((at, what)) if step >= *at && !taken.is_empty() && about_somebody(what, &mut moves.moves) => {}
             Some((at, what)) if step == *at => match what.as_str() {
                 "die" => raise(Signal::SIGKILL).unwrap(),
                 "silence" => std::thread::sleep(Duration::from_secs(600)),
