@@ -13,6 +13,7 @@ use world::observation::{Briefing, Observation};
 use world::plan::Plan;
 use world::traffic::{Taken, UncheckedMoves};
 
+use super::no_session;
 use crate::run::drive::Driver;
 use crate::run::line::LineDriver;
 use crate::run::witness::Witness;
@@ -26,6 +27,14 @@ pub enum Order {
     Step(u32, Answer),
     /// Leave, and say where it was.
     Close(Answer),
+}
+
+impl Order {
+    /// Tells who gave it that nothing comes of it.
+    pub fn refuse(self, refusal: reply::What) {
+        let (Self::Step(_, answer) | Self::Close(answer)) = self;
+        answer.give(refusal);
+    }
 }
 
 /// Steps that were asked for, and not all driven.
@@ -47,6 +56,15 @@ pub struct Post {
     opener: Option<Answer>,
     /// What the next answer says.
     news: Session,
+}
+
+impl Drop for Post {
+    /// Who asked while the session was left is told so.
+    fn drop(&mut self) {
+        for order in self.orders.try_iter() {
+            order.refuse(reply::What::Refusal(no_session(&self.news.session)));
+        }
+    }
 }
 
 impl Post {
@@ -82,8 +100,8 @@ impl Post {
     }
 
     /// Refuses whoever opened the session.
-    pub fn refuse(self, refusal: reply::What) {
-        if let Some(answer) = self.opener {
+    pub fn refuse(mut self, refusal: reply::What) {
+        if let Some(answer) = self.opener.take() {
             answer.give(refusal);
         }
     }

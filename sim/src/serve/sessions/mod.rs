@@ -174,11 +174,15 @@ impl Sessions {
         let Some(open) = self.by_name.get(session).filter(|open| !open.thread.is_finished()) else {
             return answer.give(reply::What::Refusal(no_session(session)));
         };
-        if let Err(TrySendError::Full(Order::Step(_, answer) | Order::Close(answer))) =
-            open.orders.try_send(order(answer))
-        {
-            answer.give(refused(Code::Full, "the session is asked too much at once\nhint: ask one thing at a time"));
-        }
+        let Err(error) = open.orders.try_send(order(answer)) else { return };
+        let is_full = matches!(error, TrySendError::Full(_));
+        let (TrySendError::Full(order) | TrySendError::Disconnected(order)) = error;
+        order.refuse(if is_full {
+            refused(Code::Full, "the session is asked too much at once\nhint: ask one thing at a time")
+        } else {
+            // It is being left.
+            reply::What::Refusal(no_session(session))
+        });
     }
 
     /// Forgets those that are over.
