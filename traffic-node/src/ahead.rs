@@ -48,7 +48,7 @@ const SAG: f64 = 0.5;
 pub enum Heed {
     /// Nobody: for measures of what somebody else has decided.
     Nobody,
-    /// Whoever would be driven into within a second and a half: [`crate::collision`].
+    /// Whoever would be driven into within a second and a half: `collision`.
     LastResort,
     /// Whoever is followed, crosses or wants room.
     Everybody,

@@ -65,7 +65,7 @@ pub struct Realism {
     pub agents: usize,
     /// Steps of all of them.
     pub agent_steps: usize,
-    /// Those at which one overlaps somebody from whom the log keeps it apart.
+    /// Those at which one overlaps somebody else than the AV from whom the log keeps it apart.
     pub overlaps: usize,
     /// Agents that ran into the AV with their front, and not into its front.
     pub into_av: usize,

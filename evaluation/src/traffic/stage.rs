@@ -89,12 +89,11 @@ impl<'d> Stage<'d> {
         members(scene, log_index, scene.av().states.get(log_index).copied().flatten())
     }
 
-    /// Whether somebody overlaps another from whom the log keeps him apart.
+    /// Whether somebody overlaps another from whom the log keeps him apart. The AV is none of them: into whom it drives is its own.
     pub(super) fn overlaps(&self, own: &Member, members: &[Member]) -> bool {
         let pair = |other: &Member| (own.place.min(other.place), own.place.max(other.place));
-        members
-            .iter()
-            .any(|other| other.place != own.place && own.overlaps(other) && !self.entangled.contains(&pair(other)))
+        let mut others = members.iter().filter(|other| other.place != self.driven.scene.av_index());
+        others.any(|other| other.place != own.place && own.overlaps(other) && !self.entangled.contains(&pair(other)))
     }
 
     /// How far (m) the outermost corner of a vehicle is beyond the edge of the road; none where there is no edge, or it is no vehicle.

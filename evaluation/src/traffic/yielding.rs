@@ -92,7 +92,7 @@ impl Swept {
 mod tests {
     use std::sync::Arc;
 
-    use world::geometry::Point3;
+    use world::geometry::{Point, Point3};
     use world::scene::{AgentKind, TrackId};
     use world::traffic::Way;
 
@@ -130,10 +130,11 @@ mod tests {
 
     /// Headed `heading` at 10 m/s, it is at (x, 0) at step 40.
     fn other(x: f64, heading: f64) -> Vec<Option<AgentState>> {
+        let forward = Point::unit(heading);
         let state = |step: i32| {
-            let away = f64::from(step - 40);
-            let (y, x) = (away * heading.sin(), x + away * heading.cos());
-            AgentState { x, y, heading, velocity_x: 10.0 * heading.cos(), velocity_y: 10.0 * heading.sin(), ..START }
+            let place = forward * f64::from(step - 40) + Point::new(x, 0.0);
+            let velocity = forward * 10.0;
+            AgentState { x: place.x, y: place.y, heading, velocity_x: velocity.x, velocity_y: velocity.y, ..START }
         };
         (0..80).map(|step| Some(state(step))).collect()
     }

@@ -162,15 +162,18 @@ fn help_says_what_can_be_typed() {
     --- stdout
     Ask drivers for plans at frames of the log and judge them, without driving
 
-    Usage: sim evaluate [OPTIONS] --open-loop [PATH]...
+    Usage: sim evaluate [OPTIONS] [PATH]...
 
     Options:
           --open-loop   Plans are asked for once a second of the log, and never driven
       -v, --verbose...  Say more on standard error; twice for everything
+          --traffic     Nobody is asked: are the agents believable that reacted in finished runs, each
+                        PATH a run's folder?
       -h, --help        Print help (see more with '--help')
 
     What to ask:
-          --scenarios <PATH>...        Scenes, as PATH is; takes all that follows up to the next option
+          --scenarios <PATH>...        Scenes, as PATH is; takes all that follows up to the next option.
+                                       With --traffic, where the runs' scenes are now
           --drivers <NAMES>            Who is asked, a line of the table each: drivers of `sim run`,
                                        each `[LABEL:]DRIVER[=WEIGHTS]`
           --planner-command <COMMAND>  A planner of your own, as for `sim run`, a line more
@@ -329,7 +332,7 @@ fn what_makes_no_sense_is_refused_with_code_2_and_a_hint() {
     error: the following required arguments were not provided:
       --open-loop
 
-    Usage: sim evaluate --open-loop --drivers <NAMES> [PATH]...
+    Usage: sim evaluate --drivers <NAMES> --open-loop [PATH]...
 
     For more information, try '--help'.
     ");
