@@ -18,7 +18,7 @@
 
 mod again;
 mod alpasim;
-mod convex;
+pub(crate) mod convex;
 mod drive;
 mod edges;
 pub mod figure;

@@ -5,11 +5,12 @@
 //! 75 degrees, by 10 if he reaches less than 0.5 m into it. Gap and headway are the distance to him, in metres and in seconds.
 
 use episode::judges::STOREY;
-use world::geometry::{OrientedBox, Point, Segment, angle_difference, boxes_overlap};
+use world::geometry::{OrientedBox, Point, angle_difference, boxes_overlap};
 use world::plan::STEP_SECONDS;
 use world::scene::AgentState;
 
 use super::stage::Member;
+use crate::score::convex;
 
 /// Something that is compared.
 #[derive(Clone, Copy, Debug)]
@@ -41,7 +42,7 @@ pub const FEATURES: [Feature; 6] = [
 /// The challenge adds so much to each bin.
 const PSEUDOCOUNT: f64 = 0.1;
 
-/// Nothing is nearer than that (m): the challenge's last bin ends there.
+/// Nobody farther than this (m) is told of: the challenge's last bin ends there.
 const FARTHEST: f64 = 40.0;
 
 /// The longest time to collision (s), also of who follows nobody.
@@ -100,15 +101,7 @@ fn distance(a: &OrientedBox, b: &OrientedBox) -> f64 {
         let depth = |axis: Point| reach(a, axis) + reach(b, axis) - offset.dot(axis).abs();
         return -[a.forward, a.left(), b.forward, b.left()].into_iter().map(depth).fold(f64::INFINITY, f64::min);
     }
-    let from = |one: &OrientedBox, other: &OrientedBox| {
-        let corners = one.corners();
-        let sides = (0..4).map(move |side| Segment { start: corners[side], end: corners[(side + 1) % 4] });
-        let points = other.corners();
-        sides
-            .flat_map(move |side| points.map(|point| side.nearest_to(point).distance_squared))
-            .fold(f64::INFINITY, f64::min)
-    };
-    from(a, b).min(from(b, a)).sqrt()
+    convex::distance(&a.corners(), &b.corners())
 }
 
 /// Half of a box's extent along an axis (m).

@@ -120,13 +120,10 @@ impl Realism {
     #[must_use]
     pub fn of(driven: &Driven, protocol: &Protocol) -> Self {
         // A drive that could not be retraced was refused when it was read.
-        let Ok(checked) = validity::check(driven, protocol) else { return Self::default() };
-        let must_react = checked.steps.iter().filter(|step| !step.is_valid()).count();
-        let mut found = Self { episodes: 1, steps: checked.steps.len(), must_react, ..Self::default() };
-        if driven.moved.iter().all(Vec::is_empty) {
-            return found;
-        }
-        let Ok(stage) = Stage::of(driven, protocol) else { return found };
+        let Ok(stage) = Stage::of(driven, protocol) else { return Self::default() };
+        let steps = validity::steps(driven, &stage.avs);
+        let must_react = steps.iter().filter(|step| !step.is_valid()).count();
+        let mut found = Self { episodes: 1, steps: steps.len(), must_react, ..Self::default() };
         found.watch(&stage);
         for taken in stage.taken.values() {
             for yielded in stage.crossings(taken) {

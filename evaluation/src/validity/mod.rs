@@ -26,7 +26,7 @@ use episode::protocol::Protocol;
 use episode::strict::traffic::Traffic;
 use world::geometry::{Point, Segment};
 use world::scene::bridged::Bridged;
-use world::scene::{Scene, TrackId};
+use world::scene::{AgentState, Scene, TrackId};
 
 use crate::drives::{Driven, RetraceError};
 
@@ -87,17 +87,24 @@ pub struct Checked {
 /// # Errors
 /// [`RetraceError`] where its scene cannot be driven, so that nothing was.
 pub fn check(driven: &Driven, protocol: &Protocol) -> Result<Checked, RetraceError> {
+    let mut avs = Vec::with_capacity(driven.states.len());
+    let episode = driven.retrace(protocol, |_, episode| avs.push(*episode.av()))?;
+    let steps = steps(driven, &avs);
+    let flags: Vec<bool> = steps.iter().map(Step::is_valid).collect();
+    Ok(Checked { without: episode.measure(Counted::only(&flags)), steps })
+}
+
+/// The steps of a drive, by where the AV was after each.
+pub(crate) fn steps(driven: &Driven, avs: &[AgentState]) -> Vec<Step> {
     let around = Around::of(&driven.scene);
-    let mut steps = Vec::with_capacity(driven.states.len());
-    let episode = driven.retrace(protocol, |step, episode| {
-        let mut own = around.step(step, driven.start + step + 1, &Body::of(*episode.av()));
+    let step = |(step, av): (u32, &AgentState)| {
+        let mut own = around.step(step, driven.start + step + 1, &Body::of(*av));
         let reacts = driven.moved.get(step as usize).map_or(&[][..], |moved| moved);
         own.reacting.retain(|agent| reacts.iter().all(|other| other.track != agent.track));
         own.reacted = reacts.len() as u32;
-        steps.push(own);
-    })?;
-    let flags: Vec<bool> = steps.iter().map(Step::is_valid).collect();
-    Ok(Checked { without: episode.measure(Counted::only(&flags)), steps })
+        own
+    };
+    (0..).zip(avs).map(step).collect()
 }
 
 /// A scene, as far as it does not depend on the AV that is driven.

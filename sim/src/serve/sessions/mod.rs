@@ -174,15 +174,17 @@ impl Sessions {
         let Some(open) = self.by_name.get(session).filter(|open| !open.thread.is_finished()) else {
             return answer.give(reply::What::Refusal(no_session(session)));
         };
-        let Err(error) = open.orders.try_send(order(answer)) else { return };
-        let is_full = matches!(error, TrySendError::Full(_));
-        let (TrySendError::Full(order) | TrySendError::Disconnected(order)) = error;
-        order.refuse(if is_full {
-            refused(Code::Full, "the session is asked too much at once\nhint: ask one thing at a time")
-        } else {
+        match open.orders.try_send(order(answer)) {
+            Ok(()) => {}
+            Err(TrySendError::Full(order)) => {
+                order.refuse(refused(
+                    Code::Full,
+                    "the session is asked too much at once\nhint: ask one thing at a time",
+                ));
+            }
             // It is being left.
-            reply::What::Refusal(no_session(session))
-        });
+            Err(TrySendError::Disconnected(order)) => order.refuse(reply::What::Refusal(no_session(session))),
+        }
     }
 
     /// Forgets those that are over.
