@@ -45,6 +45,8 @@ pub enum Event {
         worker: usize,
         /// Which.
         scene: usize,
+        /// As of one that was driven.
+        missed: Option<u32>,
     },
     /// The run cannot go on: a file that cannot be written.
     Broken(String),
@@ -191,10 +193,11 @@ impl Core {
                 self.worker_losses[worker] = 0;
             }
             Event::NodesLost(worker, reason) => self.nodes_lost(worker, reason, effects),
-            Event::Disturbed { worker, scene } => {
+            Event::Disturbed { worker, scene, missed } => {
                 effects.warn("this program stood still for a while: an episode that failed meanwhile is driven again");
                 self.spoiled.push(scene);
                 self.pending.push_front(scene);
+                self.recorder_missed(missed);
                 self.workers[worker] = Worker::Starting;
                 effects.start_nodes(worker);
             }
@@ -203,9 +206,7 @@ impl Core {
                 if recorded {
                     self.recorder_losses = 0;
                 }
-                if self.recorder == Recorder::Ready && missed == Some(self.recorder_number) {
-                    self.recorder = Recorder::Missed;
-                }
+                self.recorder_missed(missed);
                 self.workers[worker] = Worker::Idle;
                 if driver_failed && !self.pending.is_empty() {
                     self.workers[worker] = Worker::Starting;
@@ -214,6 +215,13 @@ impl Core {
             }
         }
         self.dispatch(effects);
+    }
+
+    /// That it was missed may be told late: another has taken its place.
+    fn recorder_missed(&mut self, missed: Option<u32>) {
+        if self.recorder == Recorder::Ready && missed == Some(self.recorder_number) {
+            self.recorder = Recorder::Missed;
+        }
     }
 
     fn recorder_lost(&mut self, reason: String, effects: &mut impl Effects) {

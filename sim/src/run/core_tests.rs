@@ -88,7 +88,7 @@ impl Effects for Script {
             self.ready.remove(&worker);
         }
         if fate == Fate::IsSpoiled && repeatable {
-            return self.events.push_back(Event::Disturbed { worker, scene });
+            return self.events.push_back(Event::Disturbed { worker, scene, missed: None });
         }
         self.events.push_back(Event::Driven { worker, driver_failed, recorded: recorder.is_some(), missed: None });
     }
@@ -219,6 +219,21 @@ fn a_recorder_that_one_episode_missed_costs_no_other_its_recording() {
     core.on(missed(0), &mut script);
     assert_eq!(script.driven.len(), 3);
     assert!(script.driven.values().flatten().all(|recorded| *recorded));
+}
+
+#[test]
+fn an_episode_that_a_pause_spoiled_waits_for_the_recorder_that_it_missed() {
+    let mut script = Script::default();
+    let mut core = Core::new(vec![0], 1, true);
+    core.start(&mut script);
+    core.on(Event::RecorderReady, &mut script);
+    core.on(Event::NodesReady(0), &mut script);
+    core.on(Event::Disturbed { worker: 0, scene: 0, missed: Some(0) }, &mut script);
+    core.on(Event::NodesReady(0), &mut script);
+    assert_eq!(script.driven[&0].len(), 1, "nothing begins before its loss is told");
+    core.on(Event::RecorderLost("killed".to_owned()), &mut script);
+    core.on(Event::RecorderReady, &mut script);
+    assert_eq!(script.driven[&0], [true, true]);
 }
 
 #[test]

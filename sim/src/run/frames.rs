@@ -107,7 +107,6 @@ impl Worker<'_> {
     /// Asks for plans at all frames of a scene and stores what they are worth; none where the run is stopped before that.
     pub(super) fn judge(&mut self, Drive { scene, repeatable, .. }: Drive, frames: &Frames) -> Option<Event> {
         let shared = self.shared;
-        let pauses = shared.pauses();
         let asked = match shared.scenes.load_hashed(scene) {
             Err(error) => {
                 let id = shared.scenes.entries()[scene].id.as_str();
@@ -119,8 +118,8 @@ impl Worker<'_> {
                 self.ask_at_all_frames(&loaded, frames.definitions)?
             }
         };
-        if asked.failed && repeatable && shared.pauses() != pauses {
-            return Some(Event::Disturbed { worker: self.number, scene });
+        if self.stood_still() && asked.failed && repeatable {
+            return Some(Event::Disturbed { worker: self.number, scene, missed: None });
         }
         frames.store(scene, asked.rows);
         Some(Event::Driven { worker: self.number, driver_failed: asked.lost, recorded: false, missed: None })

@@ -83,6 +83,8 @@ pub(super) struct Worker<'a> {
     starts: u32,
     /// The recorder that the last episode found lost.
     missed: Option<u32>,
+    /// How often this program stood still until the last episode but one ended, and until the last.
+    pauses: [u64; 2],
 }
 
 /// The places of a worker's nodes on the bus.
@@ -103,11 +105,21 @@ impl<'a> Worker<'a> {
             seats: None,
             starts: 0,
             missed: None,
+            pauses: [shared.pauses(); 2],
         }
     }
 }
 
 impl Worker<'_> {
+    /// Whether this program stood still in the episode that has ended, or in the one before: whom a pause cost us when that had all it needed
+    /// is missed by the next alone.
+    pub(super) fn stood_still(&mut self) -> bool {
+        let now = self.shared.pauses();
+        let [before, last] = self.pauses;
+        self.pauses = [last, now];
+        before != now
+    }
+
     /// The line to its nodes for an episode of `scene`, and the processes behind it.
     pub(super) fn driver(
         &mut self,
@@ -211,7 +223,6 @@ impl Worker<'_> {
     /// Drives a scene and stores what came of it; none where the run is stopped before that.
     fn drive(&mut self, Drive { scene, recorder, repeatable }: Drive) -> Option<Event> {
         let shared = self.shared;
-        let pauses = shared.pauses();
         let begin = shared.clock.now();
         let id = &shared.scenes.entries()[scene].id;
         let ready = shared.ahead.take(scene).unwrap_or_else(|| Ready::new(shared, scene));
@@ -252,8 +263,9 @@ impl Worker<'_> {
         let driver_failed = part.reason() == EndReason::DriverFailed;
         let recorded = part.recorded && part.recording_error.is_empty();
         let spoiled = driver_failed || part.recorded && !recorded;
-        if spoiled && repeatable && shared.pauses() != pauses {
-            return Some(Event::Disturbed { worker: self.number, scene });
+        let (missed, stood_still) = (self.missed.take(), self.stood_still());
+        if spoiled && repeatable && stood_still {
+            return Some(Event::Disturbed { worker: self.number, scene, missed });
         }
         if let Err(error) = self
             .drop_unwanted_recording(id.as_str(), &mut part)
@@ -264,7 +276,7 @@ impl Worker<'_> {
         if let Some(onlooker) = &shared.onlooker {
             onlooker(&shared.folder, &part);
         }
-        Some(Event::Driven { worker: self.number, driver_failed, recorded, missed: self.missed.take() })
+        Some(Event::Driven { worker: self.number, driver_failed, recorded, missed })
     }
 
     fn drive_episode(&mut self, Begun { scene, episode, lead }: Begun, number: Option<u32>) -> Option<Part> {

@@ -53,6 +53,29 @@ fn a_pause_of_all_of_it_beyond_the_deadline() {
     costs_nothing(Who::All, 3, "--deadline 1s");
 }
 
+/// As a long pause may cost it its connection. The one in its place is told of those episodes alone that begin with it.
+#[test]
+fn a_recorder_that_is_lost_in_a_pause() {
+    let stage = Stage::new();
+    let whole = run(&stage, "whole", "").wait_with_output().unwrap();
+    assert_eq!(whole.status.code(), Some(0), "{}", String::from_utf8_lossy(&whole.stderr));
+    for late in 0..4 {
+        let name = format!("run-{late}");
+        let sim = run(&stage, &name, "");
+        wait_until("an episode is done", || stage.parts(&name) > 0);
+        sleep(Duration::from_millis(60 * late));
+        let pid = Pid::from_raw(sim.id() as i32);
+        kill(pid, Signal::SIGSTOP).unwrap();
+        kill(stage.wait_for("recorder"), Signal::SIGKILL).unwrap();
+        sleep(Duration::from_secs(1));
+        kill(pid, Signal::SIGCONT).unwrap();
+        let output = sim.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{late}: {said}");
+        assert_same(&stage.files("whole"), &stage.files(&name));
+    }
+}
+
 #[test]
 #[ignore = "takes five minutes"]
 fn pauses_of_8_20_and_70_seconds() {

@@ -158,7 +158,7 @@ impl EpisodeLine {
         while plan.is_none() || (self.expects_prediction && prediction.is_none()) {
             let missing = if self.expects_prediction && prediction.is_none() { Role::Predictor } else { Role::Planner };
             let (role, envelope) = match self.receive(&mut patience, missing)? {
-                Incoming::Answer(role, envelope) => (role, envelope),
+                Incoming::Answer(role, envelope) if role != Role::Recorder => (role, envelope),
                 other => {
                     self.expect_nothing(other)?;
                     continue;
@@ -327,6 +327,10 @@ impl EpisodeLine {
         Ok(())
     }
 
+    fn recorder(&self) -> Option<&Member> {
+        self.cast.iter().find(|member| member.seat.role == Role::Recorder)
+    }
+
     /// Tells everybody who listens in.
     fn tell(&mut self, messages: Vec<(Channel, ZBytes)>) {
         if !self.shared.tape.is_heard() {
@@ -336,7 +340,7 @@ impl EpisodeLine {
             messages.iter().for_each(|(channel, payload)| digest.add(*channel, &payload.to_bytes()));
         }
         let addressed = messages.into_iter().map(|(channel, payload)| (self.address(channel), payload));
-        self.shared.tape.push(addressed.collect());
+        self.shared.tape.push(self.recorder().map(|recorder| recorder.seat.number), addressed.collect());
     }
 
     fn address(&self, channel: Channel) -> Address {
@@ -382,7 +386,7 @@ impl Line for EpisodeLine {
         let mut patience = Patience::new(&self.shared.pulse, deadline);
         loop {
             let (from, envelope) = match self.receive(&mut patience, role)? {
-                Incoming::Answer(from, envelope) => (from, envelope),
+                Incoming::Answer(from, envelope) if from != Role::Recorder => (from, envelope),
                 other => {
                     self.expect_nothing(other)?;
                     continue;
@@ -446,8 +450,7 @@ impl Line for EpisodeLine {
     fn await_recorded(&mut self, deadline: Duration) -> Result<(), LineError> {
         let mut patience = Patience::new(&self.shared.pulse, deadline);
         loop {
-            let recorder = self.cast.iter().find(|member| member.seat.role == Role::Recorder);
-            if !recorder.is_some_and(Member::is_there) {
+            if !self.recorder().is_some_and(Member::is_there) {
                 return Err(LineError::NodeLost { role: Role::Recorder });
             }
             match self.receive(&mut patience, Role::Recorder)? {

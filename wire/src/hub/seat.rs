@@ -68,7 +68,8 @@ impl Seat {
         }
         if role == Role::Recorder {
             let seat = Arc::downgrade(&inner);
-            shared.tape.tell_also(place.clone(), move || seat.upgrade().iter().for_each(|seat| seat.cut_off()));
+            let cut_off = move || seat.upgrade().iter().for_each(|seat| seat.cut_off());
+            shared.tape.tell_also(number, place.clone(), cut_off);
         }
         let watch = shared.session.liveliness().declare_subscriber(place.nodes()).history(true);
         let watch = watch.callback(move |sample| inner.see(&sample)).wait();

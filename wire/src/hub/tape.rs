@@ -4,6 +4,9 @@
 //! The queue before the thread is bounded in bytes. While it is full, workers wait, so that a slow recorder slows the run
 //! instead of losing messages. A listener that takes nothing at all is cut off by the transport after the stall of
 //! [`crate::session::open_router`], and the queue flows again.
+//!
+//! A recorder is told of the episodes that were begun with it, and not the rest of one that was begun with another: the scene of that
+//! may be driven again at once, and the two would be one recording.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,6 +20,7 @@ use zenoh::sample::Locality;
 use zenoh::{Session, Wait};
 
 use super::lock;
+use super::nodes::SeatNumber;
 use crate::keys::{Address, Channel, Place};
 use crate::session::{self, SessionError};
 
@@ -47,7 +51,16 @@ pub(super) struct Tape {
 #[derive(Clone)]
 struct Listener {
     place: Place,
+    /// The seat of a recorder, which hears its own episodes alone.
+    seat: Option<SeatNumber>,
     cut_off: Arc<dyn Fn() + Send + Sync>,
+}
+
+/// A message on its way.
+struct Told {
+    recorder: Option<SeatNumber>,
+    address: Address,
+    payload: ZBytes,
 }
 
 #[derive(Default)]
@@ -58,7 +71,7 @@ struct Queue {
 
 #[derive(Default)]
 struct State {
-    messages: VecDeque<(Address, ZBytes)>,
+    messages: VecDeque<Told>,
     bytes: usize,
     /// They have set out: all that waits is sent.
     under_way: bool,
@@ -79,13 +92,14 @@ impl Tape {
         let listener = floor.matching_listener().callback(move |now| watch.store(now.matching(), Ordering::Relaxed));
         listener.background().wait().map_err(SessionError::bus("watch the tape's listeners"))?;
         let queue = Arc::new(Queue::default());
-        let open = Listener { place: open_floor, cut_off: Arc::new(|| {}) };
+        let open = Listener { place: open_floor, seat: None, cut_off: Arc::new(|| {}) };
         let places = Arc::new(Mutex::new(vec![open]));
         let (session, far_end, to) = (session.clone(), Arc::clone(&queue), Arc::clone(&places));
         let thread = std::thread::spawn(move || {
-            while let Some((address, payload)) = far_end.take() {
-                let listeners = lock(&to).clone();
-                for Listener { place, cut_off } in listeners {
+            while let Some(Told { recorder, address, payload }) = far_end.take() {
+                let mut listeners = lock(&to).clone();
+                listeners.retain(|listener| listener.seat.is_none() || listener.seat == recorder);
+                for Listener { place, cut_off, .. } in listeners {
                     let begin = Instant::now();
                     if let Err(e) = session::send_together(&session, &place.tape(&address), payload.clone()) {
                         tracing::error!("{} of {} is not told: {e}", address.channel.name(), address.scene);
@@ -107,17 +121,17 @@ impl Tape {
         self.is_recorded.load(Ordering::Relaxed) || self.is_listened_to.load(Ordering::Relaxed)
     }
 
-    /// From now on all is told at `recorder` too, and no more at the seat of the recorder before it. `cut_off` is called when it takes
-    /// nothing for so long that its connection is given up.
-    pub(super) fn tell_also(&self, recorder: Place, cut_off: impl Fn() + Send + Sync + 'static) {
+    /// From now on the episodes of the recorder at `seat` are told at its `place` too, and no more at that of the recorder before it.
+    /// `cut_off` is called when it takes nothing for so long that its connection is given up.
+    pub(super) fn tell_also(&self, seat: SeatNumber, place: Place, cut_off: impl Fn() + Send + Sync + 'static) {
         let mut places = lock(&self.places);
         self.is_recorded.store(true, Ordering::Relaxed);
         places.truncate(1);
-        places.push(Listener { place: recorder, cut_off: Arc::new(cut_off) });
+        places.push(Listener { place, seat: Some(seat), cut_off: Arc::new(cut_off) });
     }
 
-    /// Puts messages at the end of the queue, together.
-    pub(super) fn push(&self, messages: Vec<(Address, ZBytes)>) {
+    /// Puts messages of an episode, which the recorder of that seat records, at the end of the queue, together.
+    pub(super) fn push(&self, recorder: Option<SeatNumber>, messages: Vec<(Address, ZBytes)>) {
         let bytes: usize = messages.iter().map(|(_, payload)| payload.len()).sum();
         let until = Instant::now() + self.patience;
         let mut state = lock(&self.queue.state);
@@ -140,7 +154,7 @@ impl Tape {
         let was_empty = state.messages.is_empty();
         let is_end = messages.iter().any(|(address, _)| address.channel == Channel::End);
         state.bytes += bytes;
-        state.messages.extend(messages);
+        state.messages.extend(messages.into_iter().map(|(address, payload)| Told { recorder, address, payload }));
         let sets_out = !state.under_way && (is_end || state.bytes >= TOGETHER_BYTES);
         state.under_way |= sets_out;
         if was_empty || sets_out {
@@ -161,19 +175,19 @@ impl Drop for Tape {
 
 impl Queue {
     /// The next message; `None` at the end.
-    fn take(&self) -> Option<(Address, ZBytes)> {
+    fn take(&self) -> Option<Told> {
         let mut state = lock(&self.state);
         loop {
             if state.messages.is_empty() && state.closed {
                 return None;
             }
             if state.under_way || state.closed {
-                if let Some((address, payload)) = state.messages.pop_front() {
-                    state.bytes -= payload.len();
+                if let Some(told) = state.messages.pop_front() {
+                    state.bytes -= told.payload.len();
                     if state.without_room > 0 {
                         self.changed.notify_all();
                     }
-                    return Some((address, payload));
+                    return Some(told);
                 }
                 state.under_way = false;
             }

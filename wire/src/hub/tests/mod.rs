@@ -306,6 +306,38 @@ fn a_recording_is_compared_with_what_was_sent() {
 }
 
 #[test]
+fn a_recorder_hears_nothing_of_an_episode_that_was_begun_with_another() {
+    let hub = hub();
+    let planner = planner_seat(&hub);
+    let recorder = || hub.seat(Role::Recorder, &Workers::All).unwrap();
+    let first = recorder();
+    let cast = |recorder| Cast { recorder: Some(recorder), ..alone(&planner) };
+    let cut = line(&hub, cast(&first));
+    let second = recorder();
+    let session = open_client(hub.endpoint()).unwrap();
+    let place = Place::seat(hub.run(), second.secret()).unwrap();
+    let heard = session.declare_subscriber(place.whole_tape()).wait().unwrap();
+    let node = NodeId::new(Role::Recorder, Workers::All, "recorder", &session.zid().to_string()).unwrap();
+    let _token = session.liveliness().declare_token(node.key(&place)).wait().unwrap();
+    wait(&hub, &second);
+    // Begun before the second was there, and after: whose recorder was chosen too early.
+    let end = |mut line: EpisodeLine| {
+        line.publish_record(&Default::default());
+        line.publish_end(Default::default());
+    };
+    end(cut);
+    end(line(&hub, cast(&first)));
+    // The same scene again, on the same worker: of this alone it hears.
+    end(line(&hub, cast(&second)));
+    let channel = |sample: Sample| sample.key_expr().as_str().rsplit('/').next().map(str::to_owned);
+    let mut channels = Vec::new();
+    while channels.last().is_none_or(|last| last != "end") {
+        channels.extend(channel(heard.recv_timeout(DEADLINE).unwrap().expect("it is told")));
+    }
+    assert_eq!(channels, ["scene", "record", "end"]);
+}
+
+#[test]
 fn a_worker_has_one_episode_at_a_time() {
     let hub = hub();
     let seat = planner_seat(&hub);
