@@ -249,7 +249,7 @@ fn plan_ages(records: &[StepRecord]) -> impl Iterator<Item = Option<f64>> {
 ///
 /// # Errors
 /// [`ArrowError`] where columns do not fit together: a bug.
-pub fn timing(episodes: &[Episode<'_>]) -> Result<RecordBatch, ArrowError> {
+pub fn timing(common: Common<'_>, episodes: &[Episode<'_>]) -> Result<RecordBatch, ArrowError> {
     let timing = || episodes.iter().map(|(_, part)| part.timing.unwrap_or_default());
     let seconds = |value: fn(&Timing) -> f64| timing().map(move |timing| value(&timing));
     let mut table = Columns::default();
@@ -262,6 +262,9 @@ pub fn timing(episodes: &[Episode<'_>]) -> Result<RecordBatch, ArrowError> {
     table.number("prepare_s", seconds(|timing| timing.prepare));
     table.number("brief_s", seconds(|timing| timing.brief));
     table.number("observe_s", seconds(|timing| timing.observe));
+    if common.traffic.is_some() {
+        table.number("traffic_s", seconds(|timing| timing.traffic));
+    }
     table.number("answer_s", seconds(|timing| timing.answer));
     table.number("advance_s", seconds(|timing| timing.advance));
     table.number("publish_s", seconds(|timing| timing.publish));
@@ -324,6 +327,7 @@ mod tests {
                 prepare: NAN,
                 brief: NAN,
                 observe: NAN,
+                traffic: NAN,
                 answer: NAN,
                 advance: NAN,
                 publish: NAN,
@@ -343,7 +347,7 @@ mod tests {
         let scene = SceneLine { id: "s".to_owned(), ..SceneLine::default() };
         let common = Common { driver: "d", protocol: "strict", motion: "m", latency: true, traffic: Some("t") };
         let episodes = [(&scene, &part)];
-        let files = [results(common, &episodes), steps(common, &episodes), timing(&episodes)];
+        let files = [results(common, &episodes), steps(common, &episodes), timing(common, &episodes)];
         let mut columns = 0;
         for file in files.map(Result::unwrap) {
             for (field, array) in file.schema().fields().iter().zip(file.columns()) {

@@ -125,7 +125,7 @@ impl Stretch {
 }
 
 fn rows(common: Common<'_>, driven: &[columns::Episode<'_>]) -> Result<[RecordBatch; FILES.len()], ParquetError> {
-    Ok([columns::steps(common, driven)?, columns::timing(driven)?, columns::results(common, driven)?])
+    Ok([columns::steps(common, driven)?, columns::timing(common, driven)?, columns::results(common, driven)?])
 }
 
 #[cfg(test)]
