@@ -12,6 +12,9 @@ import reloop
 from reloop import messages
 
 PLAN = reloop.Plan(np.ones((50, 4)))
+MOVES = messages.TrafficMoves(step=1)
+MOVED = MOVES.agents.add(track=7).state
+MOVED.x, MOVED.y, MOVED.z, MOVED.heading, MOVED.velocity_x, MOVED.velocity_y = 1, 2, 3, 4, 5, 6
 
 
 def write(path, steps=3, end=True):
@@ -32,6 +35,10 @@ def write(path, steps=3, end=True):
         for step in range(steps):
             say("observation", message_observation(step), step)
             say("plan", PLAN.message(step), step)
+            if step == 1:
+                say("moves", MOVES, step)
+                # One too many, of a process that lies.
+                say("moves", messages.TrafficMoves(step=step, error="no idea"), step)
             record = messages.StepRecord(step=step, log_index=3 + step, station=21.0 + step, events=int(step == 1))
             record.av.x = 21.0 + step
             say("record", record, step)
@@ -57,6 +64,8 @@ class RecordingTest(unittest.TestCase):
         step = episode[1]
         self.assertEqual((step.number, step.time, step.observation.av.x, step.record.station), (1, 0.1, 21.0, 22.0))
         self.assertEqual((step.prediction, step.plan.states.shape), (None, (50, 4)))
+        self.assertEqual((step.moves.track.tolist(), step.moves.states.tolist()), ([7], [[1, 2, 4, 5, 6]]))
+        self.assertEqual((step.moves.z.tolist(), step.moves.error, episode[0].moves), ([3], "", None))
         self.assertEqual([event.text for event in step.events], ["too fast"])
         self.assertEqual([event.step for event in episode.events], [1])
         self.assertEqual(step.observation.history.log_index.tolist(), [1, 2, 3])
@@ -70,11 +79,11 @@ class RecordingTest(unittest.TestCase):
         self.assertTrue(frame["time_to_collision"].isna().all())
 
     def test_one_that_is_cut_off_is_read_as_far_as_it_goes(self):
-        write(self.path)
+        write(self.path, steps=9)
         whole = self.path.read_bytes()
-        self.path.write_bytes(whole[: len(whole) * 7 // 10])
+        self.path.write_bytes(whole[: len(whole) * 6 // 10])
         episode = reloop.episode(self.path)
-        self.assertLess(len(episode), 3)
+        self.assertLess(len(episode), 9)
         self.assertEqual((episode.scene.id, episode.end, episode.end_reason), ("straight", None, ""))
         self.assertTrue(episode.damage)
         self.assertIn("cut off", repr(episode))

@@ -18,7 +18,9 @@ _CONNECT_TIMEOUT = 5.0
 #: connection; who is silent and not dead was paused.
 _LEASE = 30 * 24 * 3600 * 1000
 #: One thread for all that Zenoh does, as ``wire/src/session/threads.rs`` has it.
-_ONE_THREAD = "(rx: (worker_threads: 1), tx: (handover: rx), acc: (handover: rx), app: (handover: rx), net: (handover: rx))"
+_ONE_THREAD = (
+    "(rx: (worker_threads: 1), tx: (handover: rx), acc: (handover: rx), app: (handover: rx), net: (handover: rx))"
+)
 #: Fields of ``transport/link/tls`` that name files.
 _FILES = (
     "root_ca_certificate",
@@ -94,7 +96,8 @@ def config(zenoh_config: str | None, settings: dict[str, Any]) -> zenoh.Config:
     Raises ``NodeError`` where the file cannot be used.
     """
     if any(endpoint.startswith("tls/") for endpoint in settings["connect/endpoints"]):
-        # In Zenoh 1.10.2 a connection by TLS that one thread reads while another writes is lost. Read when Zenoh is first used.
+        # In Zenoh 1.10.2 a connection by TLS that one thread reads while another writes is lost.
+        # Read when Zenoh is first used.
         os.environ.setdefault("ZENOH_RUNTIME", _ONE_THREAD)
     made = zenoh.Config() if zenoh_config is None else _users(Path(zenoh_config))
     for key, value in settings.items():
@@ -108,7 +111,8 @@ def _users(path: Path) -> zenoh.Config:
     try:
         config = zenoh.Config.from_file(str(path))
     except zenoh.ZError as error:
-        raise NodeError(f"{path}: {_reason(error).split('string ', 1)[0]}\n  hint: docs/hosts.md has examples") from None
+        reason = _reason(error).split("string ", 1)[0]
+        raise NodeError(f"{path}: {reason}\n  hint: docs/hosts.md has examples") from None
     for field in _FILES:
         key = f"transport/link/tls/{field}"
         name = json.loads(config.get_json(key))

@@ -15,10 +15,10 @@ from typing import Any
 import zenoh
 
 from . import messages
+from .bus_session import open_session
 from .errors import NodeError
 from .keys import Place, answer, worker_of
 from .options import Options
-from .bus_session import open_session
 
 #: How long a node waits for the run to show itself, and to be let in (s).
 RUN_TIMEOUT = 10.0

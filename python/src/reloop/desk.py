@@ -54,7 +54,10 @@ class _Episode:
         self.told = scene
 
     def start(self) -> None:
-        """Looks at the scene and makes who answers. May raise whatever the user's code raises, and what a scene that is none does."""
+        """Looks at the scene and makes who answers.
+
+        May raise whatever the user's code raises, and what a scene that is none does.
+        """
         self.scene = Scene(self.told)
         self.history = History.before(self.told)
         del self.told

@@ -21,22 +21,37 @@ class Moves:
     """What traffic answers with: a state a step later for each agent that is taken over."""
 
     def __init__(
-        self, states: npt.ArrayLike, *, track: npt.ArrayLike | None = None, z: npt.ArrayLike | None = None
+        self,
+        states: npt.ArrayLike,
+        *,
+        track: npt.ArrayLike | None = None,
+        z: npt.ArrayLike | None = None,
+        error: str = "",
     ) -> None:
         """Moves from their states.
 
         ``states``: shape (agents, 5), x, y (m), heading (rad), velocity_x and velocity_y (m/s, along the axes of the
         log's frame) at 0.1 s from now. ``track``: whom each row is about, shape (agents,); without it the rows are in
         the order of ``taken``. ``z``: heights of the centres (m), shape (agents,); without it each stays as high above
-        the ground of its way as it is. Sizes stay what they are.
+        the ground of its way as it is. Sizes stay what they are. ``error`` is why there are none: in recordings.
         """
         array = np.array(states, dtype=np.float64)
         self.states: Floats = frozen(array if array.size else array.reshape(0, len(_COLUMNS)))
         self.track: Ints | None = None if track is None else frozen(np.array(track, dtype=np.int64).reshape(-1))
         self.z: Floats | None = None if z is None else frozen(np.array(z, dtype=np.float64).reshape(-1))
+        self.error = error
 
     def __repr__(self) -> str:
+        if self.error:
+            return f"Moves({len(self.states)} states, error={self.error!r})"
         return f"Moves({self.states!r}, track={self.track!r})"
+
+    @classmethod
+    def read(cls, message: Any) -> Moves:
+        """The view of a message ``TrafficMoves``."""
+        states = [[getattr(agent.state, column) for column in _COLUMNS] for agent in message.agents]
+        track = [agent.track for agent in message.agents]
+        return cls(states, track=track, z=[agent.state.z for agent in message.agents], error=message.error)
 
     @classmethod
     def of(cls, answer: Moves | npt.ArrayLike) -> Moves:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import messages
 from .errors import ReadError
+from .moves import Moves
 from .plan import STEP_SECONDS, Plan
 from .prediction import Prediction
 from .views.history import History
@@ -28,6 +29,7 @@ _KINDS = {
     "/reloop/observation": messages.Observation,
     "/reloop/prediction": messages.Prediction,
     "/reloop/plan": messages.Plan,
+    "/reloop/moves": messages.TrafficMoves,
     "/reloop/record": messages.StepRecord,
     "/reloop/event": messages.Event,
     "/reloop/end": messages.EpisodeEnd,
@@ -45,6 +47,8 @@ class RecordedStep:
     prediction: Prediction | None = None
     #: None where there was none; one that was refused has an ``error``, or is followed by no record.
     plan: Plan | None = None
+    #: Where the agents that reacted were after the step; None where the run had none.
+    moves: Moves | None = None
     #: The message ``StepRecord``: the AV after the step, and what the judges say. None where the step was not driven.
     record: Any = None
     #: Messages ``Event``: what happened.
@@ -152,6 +156,9 @@ def episode(path: str | PathLike[str]) -> Episode:
     for message in reversed(told["/reloop/plan"]):
         if message.step in steps:
             steps[message.step].plan = Plan.read(message)
+    for message in reversed(told["/reloop/moves"]):
+        if message.step in steps:
+            steps[message.step].moves = Moves.read(message)
     for message in told["/reloop/record"]:
         if message.step in steps:
             steps[message.step].record = message

@@ -120,8 +120,8 @@ class Service:
         """The service at ``endpoint``, else at ``$RELOOP_SERVICE``, else on this machine.
 
         Its secret is ``secret``, else ``$RELOOP_SECRET``, else where a service of the same user on this machine leaves
-        it. The queue is fair between clients: ``client`` is who you are, else ``$USER``. ``zenoh_config`` is a file with
-        your certificate (JSON5, docs/hosts.md), for a service that listens by TLS.
+        it. The queue is fair between clients: ``client`` is who you are, else ``$USER``. ``zenoh_config`` is a file
+        with your certificate (JSON5, docs/hosts.md), for a service that listens by TLS.
 
         Raises ``ServiceError`` where the secret is not known.
         """
