@@ -55,7 +55,7 @@ impl Traffic for Rogue {
                 "error" => return Err("I would rather not".to_owned()),
                 "step" => moves.step += 1,
                 "chance" => moves.moves.iter_mut().for_each(|moved| moved.state.x += by_process()),
-                "missing" | "twice" | "stranger" | "nan" | "size" | "jump" | "turn" | "speed" => {}
+                "missing" | "twice" | "stranger" | "nan" | "size" | "jump" | "turn" | "speed" | "rise" => {}
                 other => panic!("no such lie: {other}"),
             },
             _ => {}
@@ -76,6 +76,7 @@ fn about_somebody(lie: &str, moves: &mut Vec<TrafficMove>) -> bool {
         "jump" => moves[0].state.x += 3.0,
         "turn" => moves[0].state.heading += 1.0,
         "speed" => moves[0].state.velocity_x += 5.0,
+        "rise" => moves[0].state.z += 3.5,
         _ => return false,
     }
     true

@@ -29,7 +29,7 @@ pub fn hand_over(driven: &[(&Course, Driven)]) -> Finding {
     let (mut count, mut jumps, mut worst) = (0_usize, 0_usize, [0.0_f64; 3]);
     for (step, taken, moves) in answered(driven) {
         for (agent, moved) in taken.iter().zip(moves.moves()).filter(|(agent, _)| agent.since_step == step) {
-            let Change { astray, speed, turn } = Change::between(&agent.state, &moved.state);
+            let Change { astray, speed, turn, .. } = Change::between(&agent.state, &moved.state);
             count += 1;
             jumps += usize::from(astray > JUMP || speed > JOLT || turn > SWERVE);
             worst = [worst[0].max(astray), worst[1].max(speed), worst[2].max(turn)];

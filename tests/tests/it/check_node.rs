@@ -129,6 +129,7 @@ fn each_lie_of_traffic_is_found_by_its_rule() {
         ("jump", "moves", "jumps by "),
         ("turn", "moves", "turns by 1.00 rad in a step"),
         ("speed", "moves", "changes its speed by "),
+        ("rise", "moves", "rises or sinks by 3.50 m in a step"),
         ("silence", "in-time", "no answer within 1 s"),
         ("chance", "repeats", "in another process, check-following: the answers part at step 5, by up to "),
     ] {

@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use super::Taken;
-use crate::geometry::angle_difference;
+use crate::geometry::{angle_difference, wrap_angle};
 use crate::plan::STEP_SECONDS;
 use crate::scene::{AgentState, LARGEST_NUMBER, TrackId, is_in_range};
 
@@ -15,6 +15,12 @@ const MOST_TURN: f64 = 0.35;
 
 /// How far a place may be from where its speeds lead (m).
 const MOST_ASTRAY: f64 = 0.5;
+
+/// Nothing on wheels rises or sinks by more in a step (m): at 40 m/s, on a slope of one in eight.
+const MOST_RISE: f64 = 0.5;
+
+/// Nor is its centre farther above or below the ground of its way (m): on another level nobody sees it.
+const MOST_ABOVE: f64 = 2.0;
 
 /// One agent a step later.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,6 +53,8 @@ pub struct Change {
     pub speed: f64,
     /// How far it turns (rad).
     pub turn: f64,
+    /// How far it rises or sinks (m).
+    pub rise: f64,
 }
 
 impl Change {
@@ -58,6 +66,7 @@ impl Change {
             astray: (after.position() - before.position() - mean * STEP_SECONDS).norm(),
             speed: (after.speed() - before.speed()).abs(),
             turn: angle_difference(before.heading, after.heading).abs(),
+            rise: (after.z - before.z).abs(),
         }
     }
 }
@@ -99,7 +108,7 @@ impl UncheckedMoves {
         let find = |agent: &Taken| {
             let place = moves.binary_search_by_key(&agent.track, |told| told.track);
             let told = moves[place.map_err(|_| MoveError::Missing { track: agent.track })?];
-            possible(agent, &told).map(|()| TrafficMove { state: unsigned(told.state), ..told })
+            possible(agent, &told).map(|()| TrafficMove { state: plain(told.state), ..told })
         };
         let in_order: Vec<TrafficMove> = taken.iter().map(find).collect::<Result<_, _>>()?;
         // All that were given are told of: what is more was not given.
@@ -119,13 +128,13 @@ impl Moves {
     }
 }
 
-/// The state with 0 for -0, which messages do not tell apart.
-fn unsigned(state: AgentState) -> AgentState {
+/// The state with its heading in [-pi, pi), and 0 for -0, which messages do not tell apart.
+fn plain(state: AgentState) -> AgentState {
     AgentState {
         x: state.x + 0.0,
         y: state.y + 0.0,
         z: state.z + 0.0,
-        heading: state.heading + 0.0,
+        heading: wrap_angle(state.heading) + 0.0,
         velocity_x: state.velocity_x + 0.0,
         velocity_y: state.velocity_y + 0.0,
         ..state
@@ -148,7 +157,15 @@ fn possible(agent: &Taken, told: &TrafficMove) -> Result<(), MoveError> {
     let change = Change::between(before, after);
     within("jumps", change.astray, "m", MOST_ASTRAY)?;
     within("changes its speed", change.speed, "m/s", MOST_SPEED_CHANGE)?;
-    within("turns", change.turn, "rad", MOST_TURN)
+    within("turns", change.turn, "rad", MOST_TURN)?;
+    within("rises or sinks", change.rise, "m", MOST_RISE)?;
+    // A log may have it anywhere, but from there it gets no farther from the ground, however slowly.
+    let way = &agent.way;
+    let off = |state: &AgentState| (state.z - way.height(way.nearest(state.position()))).abs();
+    if change.rise == 0.0 {
+        return Ok(());
+    }
+    within("leaves the ground of its way", off(after), "m", MOST_ABOVE.max(off(before)))
 }
 
 #[cfg(test)]
@@ -196,6 +213,30 @@ mod tests {
     }
 
     #[test]
+    fn nobody_leaves_the_ground_bit_by_bit_and_a_log_may_have_had_him_there() {
+        let rises = |from: f64, by: f64| {
+            let mut agent = taken(5);
+            agent.state.z = from;
+            let moved = told(5, |state| state.z = from + by);
+            UncheckedMoves { step: 3, moves: vec![moved] }.check(3, &[agent]).map(|_| ())
+        };
+        assert_eq!(
+            (rises(0.0, 0.4), rises(1.7, 0.2), rises(7.0, 0.0), rises(7.0, -0.4)),
+            (Ok(()), Ok(()), Ok(()), Ok(()))
+        );
+        for (from, by) in [(1.7, 0.4), (7.0, 0.1), (-1.9, -0.2)] {
+            let refused = rises(from, by).unwrap_err().to_string();
+            assert!(refused.starts_with("track 5 leaves the ground of its way by"), "{refused}");
+        }
+    }
+
+    #[test]
+    fn headings_are_told_within_half_a_turn() {
+        let moves = check(vec![told(5, |state| state.heading = 100.0 * std::f64::consts::TAU + 0.1), told(7, |_| ())]);
+        assert!((moves.unwrap().moves()[1].state.heading - 0.1).abs() < 1e-9);
+    }
+
+    #[test]
     fn what_no_body_can_do_is_refused() {
         let refused = |change: fn(&mut AgentState)| check(vec![told(5, change), told(7, |_| ())]).unwrap_err();
         assert_eq!(refused(|state| state.y = f64::NAN), MoveError::OutOfRange { track: TrackId(5) });
@@ -204,6 +245,7 @@ mod tests {
             ((|state| state.x = 3.0) as fn(&mut AgentState), "jumps"),
             (|state| state.velocity_x = 8.0, "changes its speed"),
             (|state| state.heading = 1.0, "turns"),
+            (|state| state.z = -0.6, "rises or sinks"),
         ] {
             assert!(matches!(refused(change), MoveError::Impossible { what: said, .. } if said == what), "{what}");
         }

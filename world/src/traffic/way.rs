@@ -156,6 +156,13 @@ impl Way {
         self.points[sample] + self.directions[sample] * (station - sample as f64 * SPACING)
     }
 
+    /// The sample nearest to `point`, of all.
+    #[must_use]
+    pub fn nearest(&self, point: Point) -> usize {
+        let away = |sample: &usize| self.points[*sample].distance_squared(point);
+        (0..self.points.len()).min_by(|a, b| away(a).total_cmp(&away(b))).unwrap_or_default()
+    }
+
     /// Where `point` lies, looked for downhill from the sample `hint`, first to where the way's direction there leads.
     #[inline]
     #[must_use]
