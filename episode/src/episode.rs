@@ -36,6 +36,8 @@ pub struct Outcome {
     pub events: Vec<proto::Event>,
     /// Where those were that reacted, step by step; nothing in replay.
     pub moved: Vec<proto::TrafficMoves>,
+    /// How many agents of the log did not appear, because the AV or somebody who reacts was in their place.
+    pub without_room: u32,
 }
 
 /// One drive through one scene.
@@ -515,6 +517,8 @@ impl Episode {
             events: self.events.len() as u32,
             ..proto::EpisodeEnd::default()
         };
-        Outcome { end, records: self.records.clone(), events: self.events.clone(), moved: self.moved.clone() }
+        let without_room = self.company.as_ref().map_or(0, |company| company.without_room());
+        let (records, events, moved) = (self.records.clone(), self.events.clone(), self.moved.clone());
+        Outcome { end, records, events, moved, without_room }
     }
 }

@@ -138,6 +138,7 @@ pub fn results(common: Common<'_>, episodes: &[Episode<'_>]) -> Result<RecordBat
     if let Some(name) = common.traffic {
         table.text("traffic", all(name));
         table.count("reactive_agent_steps", parts().map(|part| part.records.iter().map(|step| step.reactive).sum()));
+        table.count("agents_without_room", parts().map(|part| part.without_room));
     }
     table.text("findings", parts().map(|part| part.findings.join(", ")));
     table.text("unjudged", parts().map(|part| part.unjudged.join(", ")));

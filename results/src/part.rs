@@ -57,6 +57,9 @@ pub struct Part {
     /// Where those were that reacted, step by step; nothing in replay.
     #[prost(message, repeated, tag = "15")]
     pub moved: Vec<TrafficMoves>,
+    /// How many agents of the log did not appear, because somebody was in their place; none in replay.
+    #[prost(uint32, tag = "16")]
+    pub without_room: u32,
 }
 
 /// The plans of an episode under a latency.

@@ -82,6 +82,8 @@ pub(crate) struct Company {
     next: Option<Moves>,
     /// Tracks for which there was no room to appear, until the judges know.
     barred: Vec<usize>,
+    /// How many there were of these.
+    without_room: u32,
     /// The states of those who have been taken over, or have left, by track: as logged until then, and none in the future.
     elsewhere: BTreeMap<usize, Vec<Option<AgentState>>>,
     /// Whether the AV has left the log.
@@ -99,6 +101,7 @@ impl Company {
             tracks: Vec::new(),
             next: None,
             barred: Vec::new(),
+            without_room: 0,
             elsewhere: BTreeMap::new(),
             av_left: false,
             bridged: Arc::clone(bridged),
@@ -109,6 +112,11 @@ impl Company {
     /// Who is taken over for the coming step.
     pub(crate) fn taken(&self) -> &[Taken] {
         &self.taken
+    }
+
+    /// How many tracks do not appear, because somebody is in their place.
+    pub(crate) fn without_room(&self) -> u32 {
+        self.without_room
     }
 
     /// How track number `track` is to be seen, where it is the model that says so: nothing where it has left.
@@ -193,6 +201,7 @@ impl Company {
             if has_no_room(agent, &others) || self.av_left && has_no_room(agent, std::slice::from_ref(&av)) {
                 self.driven[agent.track] = Driven::Gone;
                 self.barred.push(agent.track);
+                self.without_room += 1;
                 self.elsewhere(agent.track, sight.log_index + 1);
                 continue;
             }

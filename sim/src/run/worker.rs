@@ -319,6 +319,7 @@ impl Worker<'_> {
             records: outcome.records,
             events: outcome.events,
             moved: outcome.moved,
+            without_room: outcome.without_room,
             start: Some(start),
             start_log_index,
             recorded: record,
