@@ -44,9 +44,9 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(90, 90, 90),
 ];
 
-/// A driver's runs by how late its plans are (ms), ascending.
+/// A driver's runs among the same traffic by how late its plans are (ms), ascending.
 struct Line<'r> {
-    driver: &'r str,
+    name: String,
     runs: Vec<(f64, &'r Summary)>,
 }
 
@@ -63,7 +63,7 @@ pub fn is_a_sweep(runs: &[Summary]) -> bool {
     lines(runs).iter().any(Line::is_a_sweep)
 }
 
-/// The plot of `runs`, a line a driver.
+/// The plot of `runs`, a line a driver and traffic.
 ///
 /// # Errors
 /// [`LatencyPlotError`].
@@ -82,14 +82,18 @@ pub fn plot(runs: &[Summary]) -> Result<String, LatencyPlotError> {
     Ok(svg)
 }
 
-/// The runs by driver, in their order.
+/// The runs by driver and traffic, in their order.
 fn lines(runs: &[Summary]) -> Vec<Line<'_>> {
     let mut lines: Vec<Line<'_>> = Vec::new();
     for run in runs {
         let place = (delay_ms(run), run);
-        match lines.iter_mut().find(|line| line.driver == run.driver) {
+        let name = match &run.traffic {
+            None => run.driver.clone(),
+            Some(traffic) => format!("{}, traffic {traffic}", run.driver),
+        };
+        match lines.iter_mut().find(|line| line.name == name) {
             Some(line) => line.runs.push(place),
-            None => lines.push(Line { driver: &run.driver, runs: vec![place] }),
+            None => lines.push(Line { name, runs: vec![place] }),
         }
     }
     lines.iter_mut().for_each(|line| line.runs.sort_by(|one, other| one.0.total_cmp(&other.0)));
@@ -120,7 +124,7 @@ fn draw(svg: &mut String, lines: &[Line<'_>], scenes: usize) -> Result<(), Strin
         let (y, colour) = (LEGEND as i32 * (index as i32 + 1) + 8, COLOURS[index % COLOURS.len()]);
         let stroke = PathElement::new(vec![(16, y + 8), (44, y + 8)], colour.stroke_width(3));
         head.draw(&stroke).map_err(|error| told(&error))?;
-        text(&head, line.driver.to_owned(), (54, y), &BLACK)?;
+        text(&head, line.name.clone(), (54, y), &BLACK)?;
     }
     for (area, panel) in body.split_evenly((2, 2)).iter().zip(PANELS) {
         panel_of(area, panel, lines).map_err(|error| told(&error))?;
@@ -190,6 +194,20 @@ mod tests {
         assert!(svg.starts_with("<svg") && svg.contains("&lt;idm&gt;") && !svg.contains("<idm>"), "{svg}");
         // Each of the four panels has the line and its three points, and the point of who has but one run.
         assert_eq!(svg.matches("<circle").count(), 4 * 4, "{svg}");
+    }
+
+    #[test]
+    fn other_traffic_is_another_line() {
+        let among = |traffic: Option<&str>, mut run: Summary| {
+            run.traffic = traffic.map(str::to_owned);
+            run
+        };
+        let (now, then) = (run("idm", "bicycle", "runs/x"), late("idm", "80ms"));
+        let reactive = [among(Some("mixed, seed 7"), now.clone()), among(Some("mixed, seed 7"), then.clone())];
+        let runs = [&[now, then][..], &reactive].concat();
+        let lines = lines(&runs);
+        let told: Vec<_> = lines.iter().map(|line| (&*line.name, line.runs.len())).collect();
+        assert_eq!(told, [("idm", 2), ("idm, traffic mixed, seed 7", 2)]);
     }
 
     #[test]

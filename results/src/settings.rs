@@ -74,9 +74,13 @@ pub struct Traffic {
     pub hand_over: TrafficSettings,
 }
 
+/// All that tells one traffic from another: a setting that is as usual is left out.
 impl std::fmt::Display for Traffic {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let all = std::iter::once(self.node.name.clone()).chain(self.hand_over.changes());
+        let Node { name, command, options, .. } = &self.node;
+        let who = command.as_ref().map_or_else(|| name.clone(), |command| format!("{name} `{command}`"));
+        let seed = options.iter().skip_while(|option| *option != "--seed").nth(1).filter(|seed| *seed != "0");
+        let all = std::iter::once(who).chain(seed.map(|seed| format!("seed {seed}"))).chain(self.hand_over.changes());
         f.write_str(&all.collect::<Vec<_>>().join(", "))
     }
 }
@@ -250,6 +254,12 @@ pub struct ZenohConfig {
 }
 
 impl Settings {
+    /// Whether predictions are the log's own future.
+    #[must_use]
+    pub fn predicts_by_the_log(&self) -> bool {
+        self.predictor.as_ref().is_some_and(|predictor| predictor.reads_log)
+    }
+
     /// How long an answer may take.
     #[must_use]
     pub fn deadline(&self) -> Duration {
@@ -409,6 +419,18 @@ pub(crate) mod tests {
             },
             scenes: vec![SceneLine { id: "a".to_owned(), sha256: "00".to_owned(), fingerprint: None }],
         }
+    }
+
+    #[test]
+    fn a_traffic_is_named_with_all_that_tells_it_from_others() {
+        let named = |node: Node| Traffic { node, hand_over: TrafficSettings::default() }.to_string();
+        let seeded =
+            |seed: &str| Node { options: ["--seed", seed].map(str::to_owned).into(), ..Node::named("mixed", false) };
+        assert_eq!((named(seeded("0")), named(seeded("7"))), ("mixed".to_owned(), "mixed, seed 7".to_owned()));
+        let own = Node { command: Some("mine --fast".to_owned()), ..Node::named("command", false) };
+        assert_eq!(named(own.clone()), "command `mine --fast`");
+        let hand_over = TrafficSettings { radius: 80.0, ..TrafficSettings::default() };
+        assert_eq!(Traffic { node: own, hand_over }.to_string(), "command `mine --fast`, radius = 80.0");
     }
 
     #[test]

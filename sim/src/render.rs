@@ -97,7 +97,8 @@ pub fn draw(arguments: &RenderArgs, clock: &impl Clock) -> Result<Drawn, RenderE
         None => (0, end),
     };
     let size = arguments.size.map_or(if arguments.gif { GIF_SIZE } else { SIZE }, |size| size.0);
-    let title = format!("{episode} · {}", run.file.settings.driver);
+    let among = run.file.settings.traffic.as_ref().map_or_else(String::new, |traffic| format!(" · traffic {traffic}"));
+    let title = format!("{episode} · {}{among}", run.file.settings.driver);
     let look = Look { size, across: arguments.across };
     let mut painter = Painter::new(&footage, &title, look, last).map_err(picture)?;
     let path = arguments.out.clone().unwrap_or_else(|| match arguments.png {

@@ -170,11 +170,9 @@ pub(crate) fn notes(comparison: &Comparison) -> Vec<String> {
             ));
         }
     }
-    let traffic = |side: &Side| side.traffic.clone().unwrap_or_else(|| "replayed".to_owned());
     for (what, there, here) in [
         ("motion", a.motion.to_owned(), b.motion.to_owned()),
         ("latency", a.latency.clone(), b.latency.clone()),
-        ("traffic", traffic(a), traffic(b)),
         ("deadline", format!("{} s", a.deadline_s), format!("{} s", b.deadline_s)),
         ("build", a.build.clone(), b.build.clone()),
     ] {
@@ -196,10 +194,22 @@ pub(crate) fn gate(gate: &Gate) -> String {
     format!("{sign}: {}: {}", gate.rule, gate.finding)
 }
 
+/// Among whom both drove, where anybody reacted.
+fn traffic(Comparison { a, b, .. }: &Comparison) -> Option<String> {
+    let name = |side: &Side| side.traffic.clone().unwrap_or_else(|| "replayed".to_owned());
+    (a.traffic.is_some() || b.traffic.is_some()).then(|| match (name(a), name(b)) {
+        (there, here) if there == here => format!("traffic {here}"),
+        (there, here) => {
+            format!("another traffic ({there} in A, {here} in B: figures of one are not those of the other)")
+        }
+    })
+}
+
 /// What was compared, in a line.
 pub(crate) fn rules(comparison: &Comparison) -> String {
     let mut parts = vec![format!("protocol {}", comparison.protocol)];
     parts.extend(comparison.settings.iter().cloned());
+    parts.extend(traffic(comparison));
     parts.push(counted(comparison.pairs, "paired scene"));
     parts.push(format!("{} driven alike", comparison.alike));
     parts.join(", ")

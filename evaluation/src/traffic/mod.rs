@@ -109,7 +109,7 @@ impl Figures {
         Ok(Self {
             folder: folder.to_owned(),
             driver: settings.driver.clone(),
-            traffic: settings.traffic.as_ref().map(|traffic| traffic.node.name.clone()),
+            traffic: settings.traffic.as_ref().map(ToString::to_string),
             realism,
         })
     }

@@ -70,7 +70,7 @@ impl Figures {
             folder: folder.to_owned(),
             driver: run.file.settings.driver.clone(),
             protocol: protocol.name(),
-            traffic: run.file.settings.traffic.as_ref().map(|traffic| traffic.node.name.clone()),
+            traffic: run.file.settings.traffic.as_ref().map(ToString::to_string),
             episodes,
         })
     }

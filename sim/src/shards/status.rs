@@ -115,10 +115,11 @@ fn as_text(folder: &Path, file: &RunFile, survey: &Survey, rows: &[Row]) -> Stri
     let missing = scenes(file, survey, |state| !state.is_done());
     let failed: usize = rows.iter().map(|row| row.failed).sum();
     let mut text = format!(
-        "{}: {}, {}: {} of {total} episodes are done, {failed} of them failed\n",
+        "{}: {}, {}{}: {} of {total} episodes are done, {failed} of them failed\n",
         folder.display(),
         file.settings.driver,
         file.settings.protocol.name(),
+        file.settings.traffic.as_ref().map_or_else(String::new, |traffic| format!(", traffic {traffic}")),
         total - missing.len(),
     );
     let columns = |[shard, episodes, done, failed, state]: [&str; 5]| {
