@@ -294,6 +294,9 @@ fn with_oracle(settings: &Settings) -> Result<Settings, &'static str> {
     let plans_by_network = matches!(&settings.planner, Planner::Node(planner) if planner.name == "network");
     let predictor = match node.name.as_str() {
         "oracle" => return Err("has the log's own future already"),
+        _ if settings.traffic.is_some() => {
+            return Err("drives among agents that react: the log's future is not theirs");
+        }
         "network" if plans_by_network => return Err("plans without looking at predictions"),
         // Where its plans begin, and what they cost, is the network's still.
         "network" => {

@@ -246,6 +246,9 @@ pub fn run(request: &Request, clock: WallClock, console: &Console, interrupts: &
     for note in scenes.notes() {
         console.line(&format!("note: {note}"));
     }
+    if request.settings.traffic.is_some() && request.settings.predicts_by_the_log() {
+        console.line("note: predictions are the log's future, which is not that of agents that react: this is no oracle among them");
+    }
     if request.verify {
         scenes.verify()?;
     }
