@@ -162,7 +162,7 @@ impl StrictSettings {
     /// [`SettingError::Change`].
     pub fn with_changes(mut self, changes: &[String]) -> Result<Self, SettingError> {
         for change in changes {
-            self = changed(self, change, |key| {
+            self = changed(self, ("--set", "docs/running.md"), change, |key| {
                 (key == "motion").then_some("the motion has an option of its own: --motion")
             })?;
         }
@@ -202,9 +202,11 @@ impl StrictSettings {
 pub enum SettingError {
     #[error("{setting} is {value}, but it must be {needed}")]
     Value { setting: &'static str, value: f64, needed: &'static str },
-    #[error("--set {change}: {reason}\nhint: docs/running.md lists what can be set")]
-    Change { change: String, reason: String },
-    #[error("agents that react need the protocol strict: paper is the authors' simulator, which replays the log")]
+    #[error("{option} {change}: {reason}\nhint: {page} lists what can be set")]
+    Change { option: &'static str, page: &'static str, change: String, reason: String },
+    #[error(
+        "agents that react need the protocol strict: paper is the authors' simulator, which replays the log\nhint: leave --traffic out, or drive under --protocol strict"
+    )]
     ReactivePaper,
 }
 
@@ -229,13 +231,17 @@ impl StrictSettings {
     }
 }
 
-/// The settings with one of them changed, as `key=value`; `refused` says of a key why it is none to be changed.
+/// The settings with one of them changed, as `key=value`. The option that asks for it, and the page that tells of it, are for errors; `refused` says of a key why it is none to be changed.
 pub(crate) fn changed<S: Serialize + DeserializeOwned>(
     settings: S,
+    (option, page): (&'static str, &'static str),
     change: &str,
     refused: impl Fn(&str) -> Option<&'static str>,
 ) -> Result<S, SettingError> {
-    let wrong = |reason: &str| SettingError::Change { change: change.to_owned(), reason: reason.trim().to_owned() };
+    let wrong = |reason: &str| {
+        let (change, reason) = (change.to_owned(), reason.trim().to_owned());
+        SettingError::Change { option, page, change, reason }
+    };
     let (key, value) = change.split_once('=').ok_or_else(|| wrong("it is not KEY=VALUE"))?;
     let value = value.trim();
     let parsed: Result<toml::Table, _> = toml::from_str(&format!("{key} = {value}"));

@@ -19,7 +19,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
 
-use clap::builder::{PossibleValue, PossibleValuesParser};
+use clap::builder::{NonEmptyStringValueParser, PossibleValue, PossibleValuesParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use episode::latency::{Latency, LatencyError};
 use evaluation::open_loop::{Definitions, table};
@@ -188,7 +188,7 @@ pub struct RunArgs {
     pub predictor: Option<Predictor>,
 
     /// A predictor of your own: a shell command, as --planner-command
-    #[arg(long, value_name = "COMMAND", conflicts_with_all = ["predictor", "weights", "features"], help_heading = "What to drive")]
+    #[arg(long, value_parser = NonEmptyStringValueParser::new(), value_name = "COMMAND", conflicts_with_all = ["predictor", "weights", "features"], help_heading = "What to drive")]
     pub predictor_command: Option<String>,
 
     /// Weights of the prediction network, a .safetensors file [default: those of dipp, built in; sep, il-pred, il and cql have none]
@@ -201,7 +201,7 @@ pub struct RunArgs {
     pub features: Option<String>,
 
     /// A planner of your own: a shell command, told where to connect by RELOOP_* variables and by arguments
-    #[arg(long, value_name = "COMMAND", conflicts_with = "planner", help_heading = "What to drive")]
+    #[arg(long, value_parser = NonEmptyStringValueParser::new(), value_name = "COMMAND", conflicts_with = "planner", help_heading = "What to drive")]
     pub planner_command: Option<String>,
 
     /// A planner that you start yourself, with --worker '*' and the endpoint, run and secret that the sim prints
@@ -213,7 +213,7 @@ pub struct RunArgs {
     pub traffic: String,
 
     /// Traffic of your own: a shell command, as --planner-command, that says where the agents are next that react
-    #[arg(long, value_name = "COMMAND", conflicts_with = "traffic", help_heading = "What to drive")]
+    #[arg(long, value_parser = NonEmptyStringValueParser::new(), value_name = "COMMAND", conflicts_with = "traffic", help_heading = "What to drive")]
     pub traffic_command: Option<String>,
 
     /// What is drawn about agents that react is drawn from this [default: 0]
@@ -539,7 +539,7 @@ pub struct EvaluateArgs {
     pub drivers: Vec<Entrant>,
 
     /// A planner of your own, as for `sim run`, a line more
-    #[arg(long, value_name = "COMMAND", help_heading = "What to ask")]
+    #[arg(long, value_parser = NonEmptyStringValueParser::new(), value_name = "COMMAND", help_heading = "What to ask")]
     pub planner_command: Option<String>,
 
     /// What the table calls your own planner [default: command]

@@ -17,6 +17,8 @@ use crate::run::{self, Done, RunError};
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the messages say it")]
 pub enum MatrixError {
+    #[error("{option} names {name} twice\nhint: leave one out")]
+    Repeated { option: &'static str, name: String },
     #[error("two drivers are called {0}\nhint: LABEL:DRIVER, as other-{0}:{0}, gives one another name")]
     Twice(String),
     #[error("the latency {0} is there twice\nhint: leave one of them out")]
@@ -40,6 +42,8 @@ pub fn requests(arguments: &MatrixArgs, cores: u16) -> Result<Vec<Request>, Matr
     if let Some(entrant) = drivers.iter().find(|entrant| !labels.insert(&entrant.label)) {
         return Err(MatrixError::Twice(entrant.label.clone()));
     }
+    named_once("--protocols", arguments.protocols.iter().map(|protocol| protocol.name()))?;
+    named_once("--traffic", arguments.traffic.iter().map(String::as_str))?;
     let latencies = latencies(&arguments.latency)?;
     let cells = arguments.protocols.iter().flat_map(|protocol| drivers.iter().map(move |it| (protocol, it)));
     let cells = cells.flat_map(|cell| latencies.iter().map(move |latency| (cell, latency)));
@@ -67,6 +71,15 @@ pub fn requests(arguments: &MatrixArgs, cores: u16) -> Result<Vec<Request>, Matr
         Request::resolve(run, cores).map_err(|source| MatrixError::Request { label, source })
     };
     cells.map(request).collect()
+}
+
+/// That no two runs would be the same.
+fn named_once<'n>(option: &'static str, mut names: impl Iterator<Item = &'n str>) -> Result<(), MatrixError> {
+    let mut known = BTreeSet::new();
+    match names.find(|name| !known.insert(*name)) {
+        Some(name) => Err(MatrixError::Repeated { option, name: name.to_owned() }),
+        None => Ok(()),
+    }
 }
 
 /// What the folder of a run under this traffic ends in.

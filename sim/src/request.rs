@@ -193,7 +193,7 @@ impl Request {
             return Err(RequestError::PlayedBackLate);
         }
         if let (Some(_), Protocol::Paper) = (&traffic, &protocol) {
-            return Err(RequestError::NotUnderPaper("--traffic"));
+            return Err(SettingError::ReactivePaper.into());
         }
         let patience = if planner == Planner::External { PATIENCE_WITH_PEOPLE } else { PATIENCE_WITH_NODES };
         let settings = Settings {

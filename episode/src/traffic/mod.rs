@@ -66,8 +66,9 @@ impl TrafficSettings {
     /// # Errors
     /// [`SettingError`] says what is wrong with which.
     pub fn with_changes(self, changes: &[String]) -> Result<Self, SettingError> {
+        let named = ("--traffic-set", "docs/traffic.md");
         let changed =
-            changes.iter().try_fold(self, |settings, change| protocol::changed(settings, change, |_| None))?;
+            changes.iter().try_fold(self, |settings, change| protocol::changed(settings, named, change, |_| None))?;
         changed.check().map(|()| changed)
     }
 

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use clap::builder::NonEmptyStringValueParser;
 use clap::{Args, ValueEnum};
 
 use super::parse_duration;
@@ -13,13 +14,13 @@ use crate::check::rule::Rule;
 #[command(group = clap::ArgGroup::new("node").required(true))]
 pub struct CheckNodeArgs {
     /// A planner of your own, as for `sim run`
-    #[arg(long, value_name = "COMMAND", group = "node")]
+    #[arg(long, value_parser = NonEmptyStringValueParser::new(), value_name = "COMMAND", group = "node")]
     pub planner_command: Option<String>,
     /// A predictor of your own, as for `sim run`
-    #[arg(long, value_name = "COMMAND", group = "node")]
+    #[arg(long, value_parser = NonEmptyStringValueParser::new(), value_name = "COMMAND", group = "node")]
     pub predictor_command: Option<String>,
     /// Traffic of your own, as for `sim run`
-    #[arg(long, value_name = "COMMAND", group = "node")]
+    #[arg(long, value_parser = NonEmptyStringValueParser::new(), value_name = "COMMAND", group = "node")]
     pub traffic_command: Option<String>,
     /// Who predicts for the planner [default: nobody]
     #[arg(long, value_enum, value_name = "NAME", conflicts_with_all = ["predictor_command", "traffic_command"])]

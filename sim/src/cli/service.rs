@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
+use clap::builder::NonEmptyStringValueParser;
 use episode::latency::Latency;
 use evaluation::table::TableFormat;
 use results::drivers::{self, MotionName, Predictor};
@@ -87,10 +88,10 @@ pub struct SettingsArgs {
     #[arg(long, value_name = "STYLE", value_parser = ["authors", "mended"])]
     pub features: Option<String>,
     /// A planner of your own, which lies where the service is; only a service with --allow-commands starts it
-    #[arg(long, value_name = "COMMAND")]
+    #[arg(long, value_parser = NonEmptyStringValueParser::new(), value_name = "COMMAND")]
     pub planner_command: Option<String>,
     /// A predictor of your own, likewise
-    #[arg(long, value_name = "COMMAND")]
+    #[arg(long, value_parser = NonEmptyStringValueParser::new(), value_name = "COMMAND")]
     pub predictor_command: Option<String>,
     /// What tables call the driver
     #[arg(long, value_name = "NAME")]
@@ -131,7 +132,7 @@ pub struct SubmitArgs {
     #[arg(long, value_name = "NAME", default_value = NO_TRAFFIC, value_parser = traffic_names(), help_heading = "What to drive, as for `sim run`")]
     pub traffic: String,
     /// Traffic of your own, which lies where the service is; only a service with --allow-commands starts it
-    #[arg(long, value_name = "COMMAND", conflicts_with = "traffic", help_heading = "What to drive, as for `sim run`")]
+    #[arg(long, value_parser = NonEmptyStringValueParser::new(), value_name = "COMMAND", conflicts_with = "traffic", help_heading = "What to drive, as for `sim run`")]
     pub traffic_command: Option<String>,
     /// What is drawn about agents that react is drawn from this [default: 0]
     #[arg(

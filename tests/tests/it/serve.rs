@@ -257,7 +257,7 @@ fn agents_react_in_a_run_of_a_service_as_in_one_of_sim_run() {
         assert_same(&stage.files(&format!("own-{name}")), &stage.files(&format!("served/{name}")));
     }
     assert!(service.bad("submit --driver idm --traffic-seed 4").contains("all are replayed"));
-    assert!(service.bad("submit --driver idm --traffic idm --protocol paper").contains("no meaning under"));
+    assert!(service.bad("submit --driver idm --traffic idm --protocol paper").contains("need the protocol strict"));
 }
 
 #[test]

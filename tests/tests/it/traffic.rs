@@ -98,9 +98,13 @@ fn where_agents_react_fewer_are_replayed_that_would_have_had_to() {
 fn what_cannot_be_meant_is_refused() {
     let stage = Stage::new();
     for (arguments, reason) in [
-        ("run --protocol paper --traffic idm", "--traffic has no meaning under the protocol paper"),
+        ("run --protocol paper --traffic idm", "agents that react need the protocol strict: paper is"),
         ("run --traffic-seed 4", "--traffic-seed and --traffic-set are for agents that react, and all are replayed"),
         ("run --traffic idm --traffic-set radius=-1", "radius"),
+        ("run --traffic idm --traffic-set foo=3", "--traffic-set foo=3: unknown field `foo`"),
+        ("run --traffic-command=", "a value is required for '--traffic-command <COMMAND>'"),
+        ("matrix --drivers idm --traffic idm,none,idm --out m", "--traffic names idm twice"),
+        ("matrix --drivers idm --protocols paper,paper --out m", "--protocols names paper twice"),
         ("run --in-process --traffic-command true", "--in-process drives with"),
     ] {
         let ended = stage.sim(arguments);
