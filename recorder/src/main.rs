@@ -25,7 +25,7 @@ fn main() -> ExitCode {
         Command::Info(arguments) => show_info(&arguments),
     };
     result.unwrap_or_else(|error| {
-        eprintln!("error: {error:#}");
+        eprintln!("error: {}", terminal::whole(error.as_ref()));
         ExitCode::from(UNUSABLE)
     })
 }

@@ -1,6 +1,7 @@
-//! How every program of the workspace meets the terminal: one way to say its version, to give completions and man pages, and to
-//! decide on colours.
+//! How every program of the workspace meets the terminal: one way to say its version and its errors, to give completions and man pages,
+//! and to decide on colours.
 
+use std::error::Error;
 use std::io::{self, IsTerminal, Write};
 use std::process;
 
@@ -15,6 +16,21 @@ pub const REVISION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("RELOOP
 #[must_use]
 pub fn colours(stream: &impl IsTerminal) -> bool {
     stream.is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|said| said.is_empty())
+}
+
+/// An error and its causes, one after the other. A cause that the words before it tell already is left out: many errors say theirs.
+#[must_use]
+pub fn whole(error: &(dyn Error + 'static)) -> String {
+    let mut told = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        let words = error.to_string();
+        if !told.contains(&words) {
+            told = format!("{told}: {words}");
+        }
+        cause = error.source();
+    }
+    told
 }
 
 /// Writes to standard output. Whoever closed it has read enough (`| head`): no error.
@@ -101,6 +117,25 @@ mod tests {
     use clap::Parser;
 
     use super::*;
+
+    #[test]
+    fn a_cause_that_is_told_already_is_told_once() {
+        #[derive(Debug)]
+        struct Told(&'static str, Option<Box<Told>>);
+        impl std::fmt::Display for Told {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.0)
+            }
+        }
+        impl Error for Told {
+            fn source(&self) -> Option<&(dyn Error + 'static)> {
+                self.1.as_deref().map(|cause| cause as _)
+            }
+        }
+        let caused = |words, cause| Told(words, Some(Box::new(Told(cause, Some(Box::new(Told("not there", None)))))));
+        assert_eq!(whole(&caused("cannot read a.toml", "no file")), "cannot read a.toml: no file: not there");
+        assert_eq!(whole(&caused("cannot read: not there", "cannot read")), "cannot read: not there");
+    }
 
     /// Serves something
     #[derive(Debug, Parser)]

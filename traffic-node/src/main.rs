@@ -18,7 +18,7 @@ fn main() -> ExitCode {
         Ok(Stop::Interrupted) => ExitCode::from(130),
         Ok(Stop::ParentGone | Stop::SimGone) => ExitCode::SUCCESS,
         Err(e) => {
-            eprintln!("error: {e:#}");
+            eprintln!("error: {}", terminal::whole(e.as_ref()));
             ExitCode::from(2)
         }
     }

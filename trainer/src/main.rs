@@ -22,7 +22,7 @@ fn main() -> ExitCode {
     let cli: Cli = terminal::parse(terminal::REVISION);
     start_log();
     cli.command.run().unwrap_or_else(|error| {
-        eprintln!("error: {error:#}");
+        eprintln!("error: {}", terminal::whole(error.as_ref()));
         ExitCode::from(2)
     })
 }
