@@ -13,6 +13,9 @@ const CHORD: usize = 2;
 /// Curvatures are of headings so many samples to either side (1.5 m).
 const BEND: usize = 3;
 
+/// So many samples (4 m) are passed over at once where the nearest is looked for.
+const STRIDE: usize = 8;
+
 /// Samples of a way at most: 5 km.
 pub const MOST_SAMPLES: usize = 10_000;
 
@@ -156,11 +159,13 @@ impl Way {
         self.points[sample] + self.directions[sample] * (station - sample as f64 * SPACING)
     }
 
-    /// The sample nearest to `point`, of all.
+    /// The sample nearest to `point`, wherever it is: looked for among each [`STRIDE`]th, and around the nearest of these.
     #[must_use]
     pub fn nearest(&self, point: Point) -> usize {
         let away = |sample: &usize| self.points[*sample].distance_squared(point);
-        (0..self.points.len()).min_by(|a, b| away(a).total_cmp(&away(b))).unwrap_or_default()
+        let nearer = |a: &usize, b: &usize| away(a).total_cmp(&away(b));
+        let about = (0..self.points.len()).step_by(STRIDE).min_by(nearer).unwrap_or_default();
+        (about.saturating_sub(STRIDE)..=self.inside(about + STRIDE)).min_by(nearer).unwrap_or(about)
     }
 
     /// Where `point` lies, looked for downhill from the sample `hint`, first to where the way's direction there leads.
@@ -270,6 +275,20 @@ mod tests {
             let place = way.follow(aim, hint);
             assert!((place.station - 20.0).abs() < 0.1 && (place.lateral - 1.5).abs() < 0.02, "{place:?}");
         }
+    }
+
+    #[test]
+    fn the_nearest_sample_is_found_without_a_hint() {
+        let way = bend();
+        for sample in 0..way.len() {
+            let beside = way.points()[sample] + Point::new(-way.direction(sample).y, way.direction(sample).x) * 1.5;
+            let all = (0..way.len()).min_by(|a, b| {
+                way.points()[*a].distance_squared(beside).total_cmp(&way.points()[*b].distance_squared(beside))
+            });
+            assert_eq!(Some(way.nearest(beside)), all);
+        }
+        assert_eq!(way.nearest(Point::new(-9.0, 0.0)), 0);
+        assert_eq!(way.nearest(Point::new(40.0, 90.0)), way.len() - 1);
     }
 
     #[test]
