@@ -171,7 +171,7 @@ fn what_cannot_be_compared_is_refused_with_every_difference() {
     assert!(text::render(&comparison, &[], 80).contains("another motion: bicycle in A, playback in B"));
     b.traffic = Some("mixed, seed 7".to_owned());
     let among = |a: &Run, b: &Run| text::render(&Comparison::of(a, b, 0).unwrap(), &[], 120);
-    assert!(among(&a, &b).contains("protocol strict, another traffic (replayed in A, mixed, seed 7 in B:"));
+    assert!(among(&a, &b).contains("protocol strict, another traffic (A: replayed; B: mixed, seed 7), "));
     assert!(among(&b, &b).contains("protocol strict, traffic mixed, seed 7,"));
     b.episodes.push(b.episodes[0].clone());
     assert!(matches!(Comparison::of(&a, &b, 0), Err(CompareError::Twice { .. })));

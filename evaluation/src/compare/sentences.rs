@@ -149,6 +149,12 @@ pub(crate) fn notes(comparison: &Comparison) -> Vec<String> {
         let n = comparison.pairs;
         notes.push(format!("n = {n} is small: below {SMALL} pairs the intervals are too narrow; p holds at any n"));
     }
+    if a.traffic != b.traffic {
+        notes.push(
+            "another traffic in A than in B: figures among one are not to be held against those among the other"
+                .to_owned(),
+        );
+    }
     let left = &comparison.left_out;
     for (scenes, what) in [
         (&left.only_a, "in A alone"),
@@ -199,9 +205,7 @@ fn traffic(Comparison { a, b, .. }: &Comparison) -> Option<String> {
     let name = |side: &Side| side.traffic.clone().unwrap_or_else(|| "replayed".to_owned());
     (a.traffic.is_some() || b.traffic.is_some()).then(|| match (name(a), name(b)) {
         (there, here) if there == here => format!("traffic {here}"),
-        (there, here) => {
-            format!("another traffic ({there} in A, {here} in B: figures of one are not those of the other)")
-        }
+        (there, here) => format!("another traffic (A: {there}; B: {here})"),
     })
 }
 
