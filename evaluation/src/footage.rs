@@ -47,6 +47,8 @@ pub struct Footage {
     pub size: [f64; 2],
     /// Frame 0 is before the first step, frame k after k steps, 0.1 s apart.
     pub frames: Vec<Frame>,
+    /// From which frame on whoever reacts is where he was driven to.
+    pub reacts: BTreeMap<TrackId, usize>,
     /// What happened, in order.
     pub events: Vec<Event>,
     /// Where plans and predictions come from.
@@ -139,7 +141,8 @@ impl Footage {
             frames[0].limit = Some(second);
         }
         let size = [at_start.length, at_start.width].map(|side| if side > 0.0 { side } else { 1.0 });
-        Ok(Self { scene, start, size, frames, events, recording: Recording::Missing })
+        let reacts = reacts(driven.moved.iter().map(|moved| moved.iter().map(|moved| moved.track)));
+        Ok(Self { scene, start, size, frames, reacts, events, recording: Recording::Missing })
     }
 
     fn add_recording(&mut self, bytes: &[u8]) -> Result<(), String> {
@@ -149,6 +152,12 @@ impl Footage {
             }
         }
         Ok(())
+    }
+
+    /// Whether somebody reacts in a frame.
+    #[must_use]
+    pub fn is_reacting(&self, track: TrackId, frame: usize) -> bool {
+        self.reacts.get(&track).is_some_and(|from| *from <= frame)
     }
 
     /// Where the log has its own AV in a frame.
@@ -162,6 +171,15 @@ impl Footage {
     pub fn log_index(&self, frame: usize) -> usize {
         (self.start + frame).min(self.scene.steps() - 1)
     }
+}
+
+/// The first frame after a step in which each was moved: he stays so.
+fn reacts<Moved: Iterator<Item = TrackId>>(steps: impl Iterator<Item = Moved>) -> BTreeMap<TrackId, usize> {
+    let mut reacts = BTreeMap::new();
+    for (step, moved) in steps.enumerate() {
+        moved.for_each(|track| drop(reacts.entry(track).or_insert(step + 1)));
+    }
+    reacts
 }
 
 /// A plan, and the futures that were predicted for it.
@@ -221,4 +239,16 @@ fn events(steps: &Table, protocol: &str) -> Result<Vec<Event>, ParquetError> {
         }
     }
     Ok(events)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whoever_reacts_does_so_from_the_first_step_on_in_which_he_is_moved() {
+        let steps: [&[i32]; 4] = [&[], &[7], &[7, 5], &[5]];
+        let reacts = reacts(steps.iter().map(|moved| moved.iter().copied().map(TrackId)));
+        assert_eq!(reacts, BTreeMap::from([(TrackId(7), 2), (TrackId(5), 3)]));
+    }
 }

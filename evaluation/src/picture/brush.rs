@@ -102,7 +102,7 @@ impl<'c> Brush<'c> {
     }
 
     /// Somebody's body, with a mark at its front.
-    pub fn body(&mut self, state: &AgentState, colour: &str) {
+    pub fn body(&mut self, state: &AgentState, colour: &str, nose_colour: &str) {
         let body = Body::of(self, state);
         if !self.sees(state.position(), body.along + 4.0) {
             return;
@@ -111,7 +111,7 @@ impl<'c> Brush<'c> {
         self.stroke(&outline, colours::PAPER, 2.0, 1.0, None);
         self.fill(&outline, colour, 1.0);
         if let Some(nose) = nose {
-            self.fill(&nose, colours::NOSE, 0.9);
+            self.fill(&nose, nose_colour, 0.9);
         }
     }
 

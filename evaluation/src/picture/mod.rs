@@ -181,7 +181,8 @@ fn draw(brush: &mut Brush<'_>, footage: &Footage, frame: usize, shown: &Frame) {
         if track.kind == AgentKind::Pedestrian {
             brush.disc(state.position(), brush.at_least(0.45, 3.0), colours::agent(track.kind), Some(colours::PAPER));
         } else {
-            brush.body(state, colours::agent(track.kind));
+            let nose = if footage.is_reacting(track.id, frame) { colours::AV } else { colours::NOSE };
+            brush.body(state, colours::agent(track.kind), nose);
         }
     }
     let [length, width] = footage.size;
@@ -190,7 +191,7 @@ fn draw(brush: &mut Brush<'_>, footage: &Footage, frame: usize, shown: &Frame) {
     }
     let state =
         AgentState { x: shown.av.x, y: shown.av.y, heading: shown.av.heading, length, width, ..AgentState::default() };
-    brush.body(&state, colours::AV);
+    brush.body(&state, colours::AV, colours::NOSE);
     for signal in scene.signals(footage.log_index(frame)) {
         let point = signal.stop_point.xy();
         let radius = brush.at_least(0.75, 3.0);

@@ -172,7 +172,7 @@ function player() {
     }
     for (const agent of film.agents) {
       const pose = posed(agent.runs, state.time);
-      if (pose) body(pen, scale, pose, agent.size, colours[KINDS[agent.kind]], agent.kind === 1);
+      if (pose) body(pen, scale, pose, agent.size, colours[KINDS[agent.kind]], agent.kind === 1, agent.reacts <= frame ? colours.av : colours.rim);
     }
     if (at("log").checked) {
       const logged = posed(film.log, state.time);
@@ -180,7 +180,7 @@ function player() {
     }
     const other = film.beside && at("beside").checked && posed(film.beside.runs, state.time);
     if (other) outline(pen, scale, other, film.size, colours.beside, []);
-    body(pen, scale, av, film.size, colours.av, false);
+    body(pen, scale, av, film.size, colours.av, false, colours.rim);
     for (const { at: [x, y], shows } of film.signals) {
       if (shows[frame] >= 0) dot(x, y, 0.8, colours[["unlit", "red", "amber", "green"][shows[frame]]]);
     }
@@ -215,7 +215,7 @@ function player() {
     pen.restore();
   }
 
-  function body(pen, scale, pose, size, colour, round) {
+  function body(pen, scale, pose, size, colour, round, nose) {
     pen.setLineDash([]);
     [pen.fillStyle, pen.strokeStyle, pen.lineWidth] = [colour, colours.rim, 1.5 / scale];
     if (round) {
@@ -232,7 +232,7 @@ function player() {
       pen.moveTo(along * 0.42, 0);
       pen.lineTo(along * 0.42 - across * 0.5, across * 0.28);
       pen.lineTo(along * 0.42 - across * 0.5, -across * 0.28);
-      pen.fillStyle = colours.rim;
+      pen.fillStyle = nose;
       pen.fill();
     });
   }
@@ -328,6 +328,7 @@ function player() {
     at("ended").textContent = reel.dataset.end;
     at("drive-note").textContent = reel.dataset.note;
     at("drive-note").hidden = !reel.dataset.note;
+    at("reacts-legend").hidden = !film.agents.some((agent) => agent.reacts !== undefined);
     at("beside-label").hidden = at("beside-legend").hidden = !film.beside;
     at("beside-name").textContent = at("beside-legend-name").textContent = film.beside ? film.beside.label : "";
     at("events").replaceChildren(...film.events.map(({ frame, text, fault }) => {

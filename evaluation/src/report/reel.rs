@@ -154,6 +154,9 @@ struct Agent {
     kind: u8,
     size: [i64; 2],
     runs: Vec<Run>,
+    /// From which frame on it reacts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reacts: Option<usize>,
 }
 
 /// A signal: where, and how long it shows what.
@@ -326,7 +329,8 @@ fn agents(footage: &Footage, origin: Origin, near: impl Fn(Point) -> bool) -> Ve
             AgentKind::Other => 3,
         };
         let size = [first.length, first.width].map(|side| quantised(side.max(0.0), PLACE));
-        agents.push(Agent { id: track.id.0, kind, size, runs: runs(origin, &poses) });
+        let reacts = footage.reacts.get(&track.id).copied();
+        agents.push(Agent { id: track.id.0, kind, size, runs: runs(origin, &poses), reacts });
     }
     agents
 }
@@ -432,7 +436,9 @@ mod tests {
         };
         let frames = (0..frames).map(frame).collect();
         let event = Event { frame: 7, text: "</script><b>".to_owned(), is_fault: true };
-        Footage { start, size: [4.8, 2.0], frames, events: vec![event], recording: Recording::Read, scene }
+        let other = scene.tracks().iter().enumerate().find(|(index, _)| *index != scene.av_index()).unwrap().1;
+        let reacts = BTreeMap::from([(other.id, 3)]);
+        Footage { start, size: [4.8, 2.0], frames, reacts, events: vec![event], recording: Recording::Read, scene }
     }
 
     fn film(letters: &str) -> Value {
@@ -486,6 +492,8 @@ mod tests {
         for agent in film["agents"].as_array().unwrap() {
             let id = TrackId(agent["id"].as_i64().unwrap() as i32);
             let track = footage.scene.tracks().iter().position(|track| track.id == id).unwrap();
+            let reacts = agent.get("reacts").and_then(Value::as_u64);
+            assert_eq!(reacts, footage.reacts.get(&id).map(|frame| *frame as u64));
             let mut told = 0;
             for run in agent["runs"].as_array().unwrap() {
                 let from = run[0].as_u64().unwrap() as usize;
@@ -499,6 +507,7 @@ mod tests {
             let frames = 0..footage.frames.len();
             assert_eq!(told, frames.filter(|at| footage.scene.logged(track, footage.start + at).is_some()).count());
         }
+        assert!(film["agents"].as_array().unwrap().iter().any(|agent| agent.get("reacts").is_some()));
         assert_eq!(film["beside"]["run"][1], film["av"]["run"][1]);
     }
 

@@ -1,5 +1,7 @@
 //! Messages in canonical order to the bytes of an episode's Rerun file.
 
+use std::collections::BTreeSet;
+
 use re_chunk::EntityPath;
 use re_sdk_types::archetypes::{LineStrips3D, Points3D, RecordingInfo, SeriesLines, TextDocument, ViewCoordinates};
 use re_sdk_types::blueprint::components::PlayState;
@@ -72,6 +74,8 @@ pub struct Drawing {
     /// Those that are not seen now, but supposed to be there.
     supposed: Boxes,
     contacts: Contacts,
+    /// Who was moved in the last step.
+    reacting: BTreeSet<i32>,
     struck: Boxes,
     touched: Boxes,
     av: Boxes,
@@ -132,7 +136,7 @@ impl Drawing {
                 self.plan.push(step, std::iter::once((points, palette::PLAN, 4.0)));
             }
             // The observation after it shows where they are.
-            Body::Moves(_) => {}
+            Body::Moves(moves) => self.reacting = moves.agents.iter().map(|agent| agent.track).collect(),
             Body::Record(record) => self.record(record),
             Body::Event(event) => {
                 let (level, rgba) = if strokes::is_grave(event) {
@@ -172,7 +176,8 @@ impl Drawing {
             let of_kind = agents.iter().filter(|agent| agent.kind() == *kind);
             let untouched = of_kind.filter(|agent| agent.unseen == 0 && self.contacts.mark(agent.track).is_none());
             let labelled = untouched.filter_map(|agent| {
-                Some((agent.state.as_ref()?, format!("{} {}", strokes::kind_name(*kind), agent.track)))
+                let reacts = if self.reacting.contains(&agent.track) { ", reacts" } else { "" };
+                Some((agent.state.as_ref()?, format!("{} {}{reacts}", strokes::kind_name(*kind), agent.track)))
             });
             boxes.push(step, labelled, &self.origin);
         }

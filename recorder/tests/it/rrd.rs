@@ -4,10 +4,12 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use re_log_encoding::DecoderApp;
 use re_log_types::{LogMsg, StoreKind};
+use recorder::message::{Body, Message};
 use recorder::rrd::Drawing;
+use wire::proto;
 
 use crate::rrd_of;
-use crate::synthetic::{self, SMALL};
+use crate::synthetic::{self, SMALL, Size};
 
 fn decode(bytes: &[u8]) -> Vec<LogMsg> {
     DecoderApp::decode_lazy(std::io::Cursor::new(bytes)).map(Result::unwrap).collect()
@@ -62,6 +64,26 @@ fn runs_of_other_settings_are_other_recordings_and_those_of_the_same_are_one() {
     assert_eq!(BTreeSet::from(ids.clone()).len(), ids.len(), "{ids:?}");
     assert_eq!(id("a", "s", "deadline = 5"), ids[3]);
     assert!(ids.iter().all(|id| !id.contains('/')), "{ids:?}");
+}
+
+#[test]
+fn who_reacts_is_labelled_from_the_step_after_on() {
+    let mut episode = synthetic::episode("s", Size { agents: 2, steps: 3, futures: 0 });
+    let labels = |episode: &[Message]| -> String {
+        let vehicles = decode(&rrd_of(episode)).into_iter().filter_map(|message| {
+            let LogMsg::ArrowMsg(_, chunk) = message else { return None };
+            let path = re_chunk::Chunk::from_arrow_msg(&chunk).unwrap().entity_path().to_string();
+            (path == "/world/agents/vehicles").then(|| format!("{:?}", chunk.batch))
+        });
+        vehicles.collect()
+    };
+    assert!(labels(&episode).contains("vehicle 100") && !labels(&episode).contains("reacts"));
+    let record = episode.iter().position(|message| matches!(message.body, Body::Record(_))).unwrap();
+    let agents = vec![proto::Agent { track: 100, ..Default::default() }];
+    let moves = proto::TrafficMoves { step: 0, agents, ..Default::default() };
+    episode.insert(record, Message::encode(Body::Moves(moves)));
+    let labels = labels(&episode);
+    assert!(labels.contains("vehicle 100, reacts") && !labels.contains("vehicle 101, reacts"), "{labels}");
 }
 
 #[test]
