@@ -90,7 +90,7 @@ function player() {
 
   const readColours = () => {
     const style = getComputedStyle(document.documentElement);
-    const names = ["ground", "road", "lane", "edge", "white", "yellow", "cross", "area", "av", "plan", "future", "log", "beside", "rim", "ink",
+    const names = ["ground", "road", "lane", "edge", "white", "yellow", "cross", "area", "av", "plan", "future", "log", "beside", "reacts", "rim", "ink",
       "muted", "line", "accent", "bad", "tint", "red", "amber", "green", "unlit", ...KINDS];
     colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
   };
@@ -172,7 +172,7 @@ function player() {
     }
     for (const agent of film.agents) {
       const pose = posed(agent.runs, state.time);
-      if (pose) body(pen, scale, pose, agent.size, colours[KINDS[agent.kind]], agent.kind === 1, agent.reacts <= frame ? colours.av : colours.rim);
+      if (pose) body(pen, scale, pose, agent.size, colours[KINDS[agent.kind]], agent.kind === 1, agent.reacts <= frame ? colours.reacts : colours.rim);
     }
     if (at("log").checked) {
       const logged = posed(film.log, state.time);

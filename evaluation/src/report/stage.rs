@@ -56,7 +56,7 @@ pub fn section(sources: &[Source], played: &[Played]) -> Markup {
                 div {
                     ul.legend {
                         @for (class, name) in LEGEND { li { i class=(class) {} (name) } }
-                        li id="reacts-legend" { i.av {} "nose of who reacts to the AV" }
+                        li id="reacts-legend" { i.reacts {} "nose of who reacts to the AV" }
                         li id="beside-legend" { i.beside {} "AV of " span id="beside-legend-name" {} }
                     }
                     p.keys {
