@@ -162,7 +162,7 @@ impl StrictSettings {
     /// [`SettingError::Change`].
     pub fn with_changes(mut self, changes: &[String]) -> Result<Self, SettingError> {
         for change in changes {
-            self = changed(self, ("--set", "docs/running.md"), change, |key| {
+            self = changed(self, &SET, change, |key| {
                 (key == "motion").then_some("the motion has an option of its own: --motion")
             })?;
         }
@@ -196,14 +196,25 @@ impl StrictSettings {
     }
 }
 
+/// How settings are changed.
+#[derive(Debug, PartialEq, Eq)]
+pub struct SetBy {
+    /// The option of the command line.
+    pub option: &'static str,
+    /// The page that tells of them.
+    pub page: &'static str,
+}
+
+static SET: SetBy = SetBy { option: "--set", page: "docs/running.md" };
+
 /// A setting that makes no sense.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[allow(missing_docs, reason = "the messages say it")]
 pub enum SettingError {
     #[error("{setting} is {value}, but it must be {needed}")]
     Value { setting: &'static str, value: f64, needed: &'static str },
-    #[error("{option} {change}: {reason}\nhint: {page} lists what can be set")]
-    Change { option: &'static str, page: &'static str, change: String, reason: String },
+    #[error("{} {change}: {reason}\nhint: {} lists what can be set", by.option, by.page)]
+    Change { by: &'static SetBy, change: String, reason: String },
     #[error(
         "agents that react need the protocol strict: paper is the authors' simulator, which replays the log\nhint: leave --traffic out, or drive under --protocol strict"
     )]
@@ -231,16 +242,16 @@ impl StrictSettings {
     }
 }
 
-/// The settings with one of them changed, as `key=value`. The option that asks for it, and the page that tells of it, are for errors; `refused` says of a key why it is none to be changed.
+/// The settings with one of them changed, as `key=value`; `refused` says of a key why it is none to be changed.
 pub(crate) fn changed<S: Serialize + DeserializeOwned>(
     settings: S,
-    (option, page): (&'static str, &'static str),
+    by: &'static SetBy,
     change: &str,
     refused: impl Fn(&str) -> Option<&'static str>,
 ) -> Result<S, SettingError> {
     let wrong = |reason: &str| {
         let (change, reason) = (change.to_owned(), reason.trim().to_owned());
-        SettingError::Change { option, page, change, reason }
+        SettingError::Change { by, change, reason }
     };
     let (key, value) = change.split_once('=').ok_or_else(|| wrong("it is not KEY=VALUE"))?;
     let value = value.trim();

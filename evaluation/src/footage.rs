@@ -177,7 +177,9 @@ impl Footage {
 fn reacts<Moved: Iterator<Item = TrackId>>(steps: impl Iterator<Item = Moved>) -> BTreeMap<TrackId, usize> {
     let mut reacts = BTreeMap::new();
     for (step, moved) in steps.enumerate() {
-        moved.for_each(|track| drop(reacts.entry(track).or_insert(step + 1)));
+        for track in moved {
+            reacts.entry(track).or_insert(step + 1);
+        }
     }
     reacts
 }

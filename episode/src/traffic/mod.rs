@@ -17,7 +17,7 @@ pub mod hand_over;
 
 use serde::{Deserialize, Serialize};
 
-use crate::protocol::{self, SettingError};
+use crate::protocol::{self, SetBy, SettingError};
 
 /// Who may be taken over.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -66,9 +66,9 @@ impl TrafficSettings {
     /// # Errors
     /// [`SettingError`] says what is wrong with which.
     pub fn with_changes(self, changes: &[String]) -> Result<Self, SettingError> {
-        let named = ("--traffic-set", "docs/traffic.md");
+        static SET: SetBy = SetBy { option: "--traffic-set", page: "docs/traffic.md" };
         let changed =
-            changes.iter().try_fold(self, |settings, change| protocol::changed(settings, named, change, |_| None))?;
+            changes.iter().try_fold(self, |settings, change| protocol::changed(settings, &SET, change, |_| None))?;
         changed.check().map(|()| changed)
     }
 
