@@ -159,7 +159,7 @@ impl Way {
         self.points[sample] + self.directions[sample] * (station - sample as f64 * SPACING)
     }
 
-    /// The sample nearest to `point`, wherever it is: looked for among each [`STRIDE`]th, and around the nearest of these.
+    /// The sample nearest to `point`, wherever it is: looked for among each eighth, and around the nearest of these.
     #[must_use]
     pub fn nearest(&self, point: Point) -> usize {
         let away = |sample: &usize| self.points[*sample].distance_squared(point);
